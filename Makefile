@@ -21,7 +21,7 @@ test-long: setup ## Runs the long sweeps alone
 test-outside: setup ## Runs a crate that uses the library without its features
 	$(CARGO) run --release -p steradian-outside
 
-test-all: test test-long test-outside ## Runs all tests, the long sweeps and the crate outside, and checks the optional features
+test-all: test test-long test-outside ## Runs all tests, including the long sweeps and the outside crate, and checks the optional features
 	$(CARGO) check --release --features opentelemetry --bin steradian
 
 setup: ## Checks toolchain, linker and Vulkan driver; installs missing packages if it can

@@ -1,5 +1,6 @@
-//! A deep store while the camera moves, from a cold cache: what frames lack over time, whether they state it, and what jumps from frame to frame.
-//! Run: `cargo bench --bench deep_motion -- FOLDER [DELAY_MS]`; DELAY_MS is a delay of each page that is read, as of a slow disk.
+//! Measures a deep store while the camera moves, from a cold cache: the light that frames lack over time, whether they report it, and how much the
+//! image jumps from frame to frame. Run: `cargo bench --bench deep_motion -- FOLDER [DELAY_MS]`; DELAY_MS delays the reading of each page, like a
+//! slow disk.
 //!
 //! A zoom from 60 degrees to 1, a turn by 5 degrees a second, and flights of 1 and 100 pc, each in 8 seconds towards the galactic centre. The frames are
 //! compared afterwards with frames of the same poses that wait for all pages.
@@ -37,7 +38,7 @@ const EV100: f64 = -5.4;
 /// The galactic centre, ICRS degrees.
 const TOWARDS_DEG: [f64; 2] = [266.4, -28.94];
 
-/// Where the camera is, and what it sees.
+/// Position, direction and field of view of the camera.
 struct Pose {
     fov_y_deg: f64,
     turn_deg: f64,
@@ -46,7 +47,7 @@ struct Pose {
 
 type Motion = fn(f64) -> Pose;
 
-/// Poses by the share of the motion, 0 to 1.
+/// Names of the motions, and the pose at a fraction of each motion, from 0 to 1.
 const MOTIONS: [(&str, Motion); 4] = [
     ("zoom from 60 to 1 degree", |share| Pose {
         fov_y_deg: 60.0 * (1.0_f64 / 60.0).powf(share),
@@ -97,7 +98,7 @@ fn draw(
     renderer.render(request.drawn_for(Output::Display)).expect("a frame")
 }
 
-/// Frees what the system keeps of files in memory.
+/// Empties the system's cache of files.
 fn drop_file_cache() -> bool {
     std::fs::write("/proc/sys/vm/drop_caches", "1").is_ok()
 }
@@ -198,7 +199,7 @@ struct Second {
 }
 
 impl Second {
-    /// Adds a frame; prints the second before it if it is complete.
+    /// Adds a frame; if it begins a new second, prints the previous one.
     fn add(&mut self, shown: &Shown, largest: f64, usual: f64) {
         let number = shown.at_s as u64;
         if number != self.number {

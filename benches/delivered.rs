@@ -15,7 +15,7 @@ use steradian::{
     service::{Delivered, DeliveryRound, LocalDaemon, measure_delivery, median_parts},
 };
 
-/// A daemon that does not listen by then, or delivers no frame for that long, has failed.
+/// A daemon has failed if it does not listen within this time, or delivers no frame for as long.
 const PATIENCE: Duration = Duration::from_secs(300);
 /// Poses per second.
 const POSES_HZ: f64 = 250.0;
@@ -107,7 +107,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
             let round = DeliveryRound {
                 view: arguments.view.clone(),
                 encoding: *encoding,
-                // The first frames build the map of faint light, among others.
+                // The first frames build the map of faint light, among other things.
                 skipped: if number == 0 { 12 } else { 3 },
                 length: Duration::from_secs_f64(arguments.seconds),
                 turn_deg_s: arguments.turn_deg_s,

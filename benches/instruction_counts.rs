@@ -2,7 +2,7 @@
 //! hardly depend on the machine and its load. `cargo bench --bench instruction_counts -- --help`.
 //!
 //! The program runs itself under valgrind. Everything before a counted frame (loading, pipelines, the driver's compiler, two
-//! frames that fill caches) runs without instrumentation. The process then tells callgrind to instrument one frame, all threads
+//! frames that fill caches) runs without instrumentation. The process then makes callgrind instrument one frame, all threads
 //! included, by client requests: sequences of instructions that do nothing outside of valgrind.
 #![allow(unsafe_code, reason = "client requests of valgrind are instructions without a Rust interface")]
 
@@ -91,7 +91,7 @@ struct Arguments {
     /// Draw the frames in this process, for callgrind.
     #[arg(long, hide = true)]
     draw: bool,
-    /// Draw only every second frame, from the first (0) or the second (1) on.
+    /// Draw only every second frame, beginning with the first (0) or the second (1).
     #[arg(long, hide = true, value_parser = clap::value_parser!(u8).range(0..2))]
     half: Option<u8>,
     /// Folder of stars and atlases that an earlier process has made.
@@ -202,7 +202,7 @@ fn count() -> Result<Counts, Box<dyn Error>> {
             .arg(&program)
             .args(["--draw", "--half", half, "--cache"])
             .arg(&kept)
-            // One thread each: waiting threads would be counted too, by chance.
+            // One thread per process: how much waiting threads add to the count depends on chance.
             .env("LP_NUM_THREADS", "0")
             .env("RAYON_NUM_THREADS", "1")
             .stdout(Stdio::piped())

@@ -52,7 +52,7 @@ ensure_farm_modules() {
     if has_farm_modules; then return; fi
     local reason='the tests of the job templates need openjd-cli and kubernetes-validate'
     if [[ -n ${STERADIAN_FARM_PYTHON-} ]]; then fail "$reason: install them for $STERADIAN_FARM_PYTHON"; fi
-    # Versions are fixed, because a new one may refuse what an old one accepts.
+    # Versions are fixed, because a new one may refuse files that an old one accepts.
     install_in "$farm" "$reason" openjd-cli==0.8.0 kubernetes-validate==1.37.0
     has_farm_modules || fail "$reason, and they do not run"
 }

@@ -4,7 +4,7 @@ use std::{collections::HashMap, error::Error, fs};
 
 use crate::processes::Life;
 
-/// Name of a frame: counter and random number of the epoch, and number of the frame.
+/// Identifies a frame: counter and random number of its epoch, and its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FrameName {
     pub epoch: (u64, u64),
@@ -39,15 +39,15 @@ pub struct Shown {
     pub at_ns: u64,
 }
 
-/// All that is in the logs.
+/// All events in the logs.
 #[derive(Debug, Default)]
 pub struct Events {
     pub frames: HashMap<FrameName, Frame>,
-    /// In the order of each process's log.
+    /// Frames of one process are in the order of its log.
     pub shown: Vec<Shown>,
 }
 
-/// The parts of a line that follow its kind: frame, time, and further words.
+/// Parses the part of a line after its kind: frame, time, and further words.
 fn parts<'a>(words: &[&'a str]) -> Option<(FrameName, u64, Vec<&'a str>)> {
     let [epoch, number, "at", at_ns, rest @ ..] = words else { return None };
     let (counter, run) = epoch.split_once('.')?;
@@ -102,12 +102,12 @@ impl Events {
         }
     }
 
-    /// Only what happened within a time.
+    /// Returns only the events within a time range.
     pub fn within(&self, from_ns: u64, until_ns: u64) -> Self {
         let is_in = |at_ns: u64| (from_ns..=until_ns).contains(&at_ns);
         let frames = self.frames.iter().filter(|(_, frame)| frame.state_ns.is_some_and(is_in));
         let frames: HashMap<FrameName, Frame> = frames.map(|(name, frame)| (*name, frame.clone())).collect();
-        // A frame belongs to the time of its STATE, also if it was shown a little later.
+        // A frame belongs to the range that contains its STATE, even if it was shown a little later.
         let belongs = |shown: &&Shown| match self.frames.get(&shown.frame) {
             Some(_) => frames.contains_key(&shown.frame),
             None => is_in(shown.at_ns),
@@ -116,7 +116,7 @@ impl Events {
         Self { frames, shown }
     }
 
-    /// Frames that were committed, in their order.
+    /// Committed frames, in their order.
     pub fn committed(&self) -> Vec<(FrameName, &Frame, usize, u64)> {
         let committed = self.frames.iter().filter_map(|(name, frame)| match frame.verdict {
             Some((Verdict::Commit(nodes), at_ns)) => Some((*name, frame, nodes, at_ns)),

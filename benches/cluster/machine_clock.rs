@@ -18,14 +18,14 @@ use rustix::time::{ClockId, Timespec, clock_gettime, clock_settime};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// TAI less UTC since 2017, seconds.
+/// TAI minus UTC since 2017, seconds.
 const TAI_OFFSET_S: i64 = 37;
-/// Largest error that the kernel is told, us.
+/// Maximum error of the clock, as reported to the kernel, us.
 const LARGEST_ERROR_US: i64 = 100;
 /// Interval between two corrections: a step makes the kernel distrust its clock until the next one.
 const CORRECTION: Duration = Duration::from_millis(200);
 
-/// Changes what the kernel states about its clock.
+/// Changes the state of the kernel's clock.
 fn adjust(modes: libc::c_uint, status: libc::c_int, constant: i64, largest_error_us: i64) -> io::Result<libc::timex> {
     // SAFETY: all bytes zero are a valid `timex`.
     let mut state: libc::timex = unsafe { std::mem::zeroed() };
@@ -37,13 +37,13 @@ fn adjust(modes: libc::c_uint, status: libc::c_int, constant: i64, largest_error
     Ok(state)
 }
 
-/// States that the clock is synchronised within [`LARGEST_ERROR_US`].
+/// Reports to the kernel that the clock is synchronised within [`LARGEST_ERROR_US`].
 fn discipline() -> io::Result<()> {
     adjust(libc::ADJ_STATUS | libc::ADJ_MAXERROR, libc::STA_PLL, 0, LARGEST_ERROR_US)?;
     adjust(libc::ADJ_TAI, 0, TAI_OFFSET_S, 0).map(drop)
 }
 
-/// A clock that the kernel trusts, as long as this lives.
+/// While this value exists, the kernel treats the machine's clock as synchronised.
 pub struct Disciplined {
     is_needed: Arc<AtomicBool>,
     corrections: Option<JoinHandle<io::Result<()>>>,
@@ -52,7 +52,7 @@ pub struct Disciplined {
 }
 
 impl Disciplined {
-    /// States from now on that the clock is synchronised.
+    /// Reports the clock as synchronised from now on.
     pub fn begin() -> Outcome<Self> {
         let state = adjust(0, 0, 0, 0)?;
         if state.status & libc::STA_UNSYNC == 0 {

@@ -1,8 +1,7 @@
 //! Measures a cluster: a director and nodes as processes of this machine, with small views. Nodes and directors are killed, stopped and cut off at random
 //! moments; the logs of all processes say what each of them showed, and when. `cargo bench --bench cluster -- --help`.
 //!
-//! All processes are on one machine, so their times are of one monotonic clock. The time at which a node shows a frame is that at which it hands it to
-//! streams and windows.
+//! All processes run on one machine, so all times come from one monotonic clock. A node shows a frame when it hands it to streams and windows.
 
 #[allow(clippy::unwrap_used, reason = "a bench may panic on unexpected values")]
 #[path = "../../tests/cluster/certificates.rs"]
@@ -43,13 +42,13 @@ struct Arguments {
     /// Pixels of each node's view, as WIDTHxHEIGHT.
     #[arg(long, global = true, default_value = "64x48", value_parser = size)]
     size: [u32; 2],
-    /// What happens at the deadline: together or apart.
+    /// Policy at the deadline: together or apart.
     #[arg(long, global = true, default_value = "together")]
     at_deadline: String,
-    /// Late frames in a row after which a node is left out.
+    /// Number of late frames in a row after which a node is left out.
     #[arg(long, global = true, default_value_t = 3)]
     misses: u8,
-    /// Program of all processes.
+    /// Program that all processes run.
     #[arg(long, global = true, default_value = env!("CARGO_BIN_EXE_steradian"))]
     program: String,
     /// Seed of the random moments.
@@ -58,17 +57,17 @@ struct Arguments {
     /// A network namespace per process, with TLS, in place of loopback. Needs root, `ip` and `nft`.
     #[arg(long, global = true)]
     namespaces: bool,
-    /// With --namespaces: share of the packets that are lost where they arrive, in thousandths.
+    /// With --namespaces: share of the packets that are dropped on arrival, in thousandths.
     #[arg(long, global = true, value_parser = clap::value_parser!(u32).range(1..1000))]
     loss: Option<u32>,
     /// With --namespaces: the shortest time-out of TCP, us (`tcp_rto_min_us` of Linux 6.11 and later).
     #[arg(long, global = true)]
     rto_min_us: Option<u32>,
-    /// Nodes have windows on an Xvfb, and show one star that is in another column in every frame. The columns are read during a steady run.
+    /// Nodes open windows on an Xvfb and show one star, which is in a different column in every frame. A steady run reads the columns.
     #[arg(long, global = true)]
     windows: bool,
-    /// Frames have a time of presentation: the kernel is told that its clock is synchronised. Needs root, and no time service. `wire` passes the
-    /// monotonic clock to the lock in its place, and needs neither.
+    /// Frames have a time of presentation: the kernel's clock is marked as synchronised. Needs root, and a machine without a time service. `wire`
+    /// needs neither: it passes the monotonic clock to the lock instead.
     #[arg(long, global = true)]
     disciplined: bool,
     /// Keeps configuration and logs, and prints their folder.
@@ -83,7 +82,7 @@ struct Arguments {
 enum Run {
     /// Nothing is harmed.
     Steady {
-        /// Frames to ask for.
+        /// Number of frames to request.
         #[arg(long, default_value_t = 20_000)]
         frames: u64,
     },
@@ -91,7 +90,7 @@ enum Run {
     Kills {
         #[arg(long, default_value_t = 50)]
         count: u32,
-        /// The next node is killed when all take part again, in place of as soon as one more than a majority does.
+        /// Kill the next node only when all nodes take part again. By default it is killed as soon as one node more than a majority takes part.
         #[arg(long)]
         one_at_a_time: bool,
     },
@@ -105,12 +104,12 @@ enum Run {
         #[arg(long, default_value_t = 20)]
         count: u32,
     },
-    /// The clock of the machine is set forward or back by up to half a second, and then as it was. With --disciplined.
+    /// The clock of the machine is set forward or back by up to half a second, and later set back. Needs --disciplined.
     ClockSteps {
         #[arg(long, default_value_t = 20)]
         count: u32,
     },
-    /// The director is stopped, another one is started, the first one is resumed.
+    /// The director is stopped, another one is started, and then the first one is resumed.
     OldDirector {
         #[arg(long, default_value_t = 5)]
         count: u32,
@@ -121,18 +120,18 @@ enum Run {
         #[arg(long, default_value_t = 15.0)]
         seconds: f64,
     },
-    /// The lock, its messages and the network alone: processes that draw nothing.
+    /// Measures only the lock, its messages and the network, with processes that draw nothing.
     Wire(wire::Options),
     /// A process of `wire`.
     #[command(hide = true)]
     WireProcess(wire::Place),
-    /// Prints the figures of logs that another run has kept (--keep), without those of faults.
+    /// Prints the figures of logs that an earlier run has kept (--keep), except the figures of faults.
     Report {
         folder: PathBuf,
-        /// Time after the first frame that does not count, seconds.
+        /// Length of the period after the first frame that is not counted, seconds.
         #[arg(long, default_value_t = 5.0)]
         skip: f64,
-        /// Number of the last frame that counts.
+        /// Number of the last frame that is counted.
         #[arg(long, default_value_t = u64::MAX)]
         frames: u64,
     },

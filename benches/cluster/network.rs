@@ -1,5 +1,5 @@
-//! The network of a measured cluster: loopback without encryption, or a network namespace per process on one bridge, with TLS. Namespaces lose packets
-//! (`nftables` where they arrive), and can be cut off from a director. They need root, `ip` and `nft`.
+//! The network of a measured cluster: loopback without encryption, or a network namespace per process on one bridge, with TLS. Namespaces can drop
+//! arriving packets (with `nftables`), and can be cut off from a director. They need root, `ip` and `nft`.
 
 use std::{
     error::Error,
@@ -66,7 +66,7 @@ impl Namespaces {
         run("ip", &["-n", &switch, "link", "set", "bridge", "up"], "")?;
         for (index, host) in hosts.iter().enumerate() {
             let (name, port) = (all.name(host), format!("port{index}"));
-            // Nodes have the numbers after the largest possible number of directors.
+            // The numbers of nodes begin after the largest possible number of directors.
             let number = if index < directors { index + 1 } else { index - directors + 11 };
             let address = format!("{SUBNET}.{number}/24");
             all.hosts.push(host.clone());
@@ -109,7 +109,7 @@ impl Drop for Namespaces {
 impl Network {
     /// Ports of the loopback interface.
     pub fn loopback(directors: usize) -> Outcome<Self> {
-        // All are open at the same time, so they differ.
+        // All listeners are open at the same time, so their ports differ.
         let listeners = (0..directors).map(|_| TcpListener::bind("127.0.0.1:0")).collect::<Result<Vec<_>, _>>()?;
         let ports = listeners.iter().map(|listener| Ok(listener.local_addr()?.port()));
         Ok(Self::Loopback(ports.collect::<std::io::Result<_>>()?))
@@ -152,7 +152,7 @@ impl Network {
         match self {
             Self::Loopback(_) => Command::new(program),
             Self::Namespaces(spaces) => {
-                // `ip` is replaced by the program, which has its process number then.
+                // `ip` executes the program in its own process, so the process number stays the same.
                 let mut command = Command::new("ip");
                 command.args(["netns", "exec", &spaces.name(host), program]);
                 command
@@ -167,14 +167,14 @@ impl Network {
         }
     }
 
-    /// From now on, every host loses this share of the packets that arrive, in thousandths.
+    /// From now on, every host drops this share of the arriving packets, in thousandths.
     pub fn lose(&self, thousandths: u32) -> Outcome<()> {
         let spaces = self.spaces()?;
         let rule = format!("numgen random mod 1000 < {thousandths} counter drop");
         spaces.hosts.iter().skip(1).try_for_each(|host| spaces.filter(host, &rule, ""))
     }
 
-    /// From now on, a host reaches none of these directors.
+    /// From now on, a host cannot reach these directors.
     pub fn cut_off(&self, host: &str, directors: &[usize]) -> Outcome<()> {
         let spaces = self.spaces()?;
         let rules = |word: &str| {

@@ -1,4 +1,4 @@
-//! The processes of a measured cluster: started, killed, stopped and resumed, with the times of each.
+//! The processes of a measured cluster: starts, kills, stops and resumes them, and records the times.
 
 use std::{
     error::Error,
@@ -21,14 +21,14 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// A process that does not reach a state within this time has failed.
 pub const PATIENCE: Duration = Duration::from_secs(180);
-/// Interval between two looks at a process.
+/// Interval at which a process is polled.
 const LOOK: Duration = Duration::from_millis(20);
 /// Time from the deadline of a frame to its presentation, ns.
 const LEAD_NS: f64 = 33e6;
 /// Frames of directors and nodes in their logs.
 const LOG: &str = "info,zenoh=error,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,steradian::cluster::frames=trace";
 
-/// Monotonic time, ns: that of the lines in the logs.
+/// Returns the monotonic time, ns, which the lines of the logs also have.
 pub fn now_ns() -> u64 {
     let time = clock_gettime(ClockId::Monotonic);
     u64::try_from(i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)).unwrap_or(0)
@@ -77,8 +77,8 @@ pub struct Form {
 }
 
 impl Form {
-    /// Time from COMMIT after which a frame that is shown belongs to a backlog, ns: a period; with a clock, after the time of presentation of a frame
-    /// that is committed at once.
+    /// A frame that is shown later than this after its COMMIT belongs to a backlog, ns. It is one period; with a clock, the period begins at the time
+    /// of presentation of a frame that is committed at once.
     pub fn backlog_ns(&self) -> u64 {
         let period_ns = 1e9 / self.rate_hz;
         let ahead_ns = if self.has_clock { 0.75 * period_ns + LEAD_NS } else { 0.0 };
@@ -142,7 +142,7 @@ fn configuration(form: &Form, nodes: &[String], network: &Network) -> String {
     text
 }
 
-/// Processes whose logs are in a folder, as `HOST.NUMBER.log`. When they were killed or stopped is not known.
+/// Returns the processes whose logs are in a folder, as `HOST.NUMBER.log`. The times at which they were killed or stopped are unknown.
 pub fn lives(folder: &Path) -> Outcome<Vec<Life>> {
     let mut lives = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -230,7 +230,7 @@ impl Cluster {
         Ok(at_ns)
     }
 
-    /// A client of a process, which may still be starting.
+    /// Connects a client to a process, which may still be starting.
     pub async fn client(&self, host: &str) -> Outcome<Client> {
         let begin = Instant::now();
         let process = self.process(host)?;
@@ -246,7 +246,7 @@ impl Cluster {
         }
     }
 
-    /// Statistics of the cluster by a process, which may still be starting.
+    /// Queries the statistics of the cluster from a process, which may still be starting.
     pub async fn stats(&self, host: &str) -> Outcome<proto::ClusterStats> {
         let begin = Instant::now();
         loop {
@@ -282,7 +282,7 @@ impl Cluster {
         }
     }
 
-    /// Waits until all nodes take part with the scene of a director.
+    /// Waits until all nodes take part and have the scene of a director.
     pub async fn all_in(&self, director: &str) -> Outcome<proto::ClusterStats> {
         self.until(director, "with all nodes", |stats| {
             let is_in = |node: &proto::ClusterNodeStats| node.state == "in" && node.scene_hash == stats.scene_hash;

@@ -9,7 +9,7 @@ use crate::{
 
 /// A frame is mixed if two nodes showed it this far apart, ns.
 const MIXED_NS: u64 = 5_000_000;
-/// A process that was resumed needs this time to show frames again; until then its gaps are its own, ns.
+/// Time that a resumed process needs to show frames again, ns; until then its gaps are attributed to its own stop.
 const AFTER_STOP_NS: u64 = 500_000_000;
 
 /// Median, 99 % and maximum.
@@ -18,7 +18,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of times in ns, as ms.
+    /// Converts times from ns to ms.
     pub fn of_ns(values: impl IntoIterator<Item = u64>) -> Self {
         let mut values: Vec<f64> = values.into_iter().map(|ns| ns as f64 * 1e-6).collect();
         values.sort_by(f64::total_cmp);
@@ -51,7 +51,7 @@ pub struct Gap {
     pub node: String,
     pub from_ns: u64,
     pub until_ns: u64,
-    /// Whether the process was stopped within it.
+    /// Whether the process itself was stopped during the gap.
     pub is_own: bool,
 }
 
@@ -86,7 +86,7 @@ pub fn gaps(events: &Events, lives: &[Life]) -> Vec<Gap> {
     gaps
 }
 
-/// The longest gap of nodes that were not harmed themselves, within a time after a fault.
+/// The longest gap of the nodes that a fault did not hit, within a time after the fault.
 pub fn longest_after(gaps: &[Gap], fault_ns: u64, within_ns: u64) -> Option<u64> {
     let meets = |gap: &&Gap| !gap.is_own && gap.until_ns > fault_ns && gap.from_ns < fault_ns + within_ns;
     gaps.iter().filter(meets).map(Gap::ns).max()

@@ -1,4 +1,5 @@
-//! The runs of the benchmark. Each harms some processes, and prints how long nodes and directors take to go on.
+//! The runs of the benchmark. Each run disturbs some processes, and prints how long nodes and directors take to
+//! continue.
 
 use std::{error::Error, path::Path, sync::Arc, time::Duration};
 
@@ -22,12 +23,12 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 const TURN_RAD_S: f64 = 0.4;
 /// Angle after which the camera jumps back.
 const SWEEP_RAD: f64 = 0.5;
-/// A fault's effects are looked for within this time, ns.
+/// Time after a fault within which its effects are searched, ns.
 const EFFECT_NS: u64 = 2_000_000_000;
 /// A stopped director is given up after this time: longer than the lease of a connection.
 const STOPPED: Duration = Duration::from_millis(2_500);
 
-/// A fault: the host (empty: all), and when it was harmed and could go on.
+/// A fault: the host (empty: all), and the times at which it was disturbed and could continue.
 struct Fault {
     host: String,
     at_ns: u64,
@@ -60,7 +61,7 @@ async fn begin(cluster: &mut Cluster) -> Outcome<()> {
     Ok(())
 }
 
-/// Gives the director a scene that differs from the configuration; returns its revision.
+/// Gives the director a scene that differs from the configuration; returns the revision of the scene.
 async fn change_scene(cluster: &Cluster, director: &str) -> Outcome<u64> {
     let update = SceneUpdate { magnitude_limit: Some(7.25), ..SceneUpdate::default() };
     Ok(cluster.client(director).await?.update_scene(&update, None).await?.revision)
@@ -131,7 +132,7 @@ async fn steady(cluster: &Cluster, form: &Form, frames: u64, desktop: Option<&Ar
     Ok(Vec::new())
 }
 
-/// Reads all windows for a time while the camera turns, and prints what they show.
+/// Reads all windows for a time while the camera turns, and prints figures of their frames.
 async fn read_windows(cluster: &Cluster, desktop: Arc<Desktop>, length: Duration) -> Outcome<()> {
     desktop.park_pointer([1500, 850]);
     let turning = tokio::spawn(stamps::turn(cluster.client("d0").await?, TURN_RAD_S, SWEEP_RAD));
@@ -275,14 +276,15 @@ fn print_faults(cluster: &Cluster, events: &Events, faults: &[Fault], are_of_dir
     let gaps = report::gaps(events, &cluster.lives);
     let longest = faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, EFFECT_NS));
     row(&format!("longest gap of the other nodes after each of {} faults, ms", faults.len()), Spread::of_ns(longest));
-    // A process that starts again takes the cores of this machine from the others; in a theatre it has its own.
+    // A process that starts again competes with the others for the cores of this machine; in a theatre it has its own
+    // machine.
     let before =
         faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, fault.until_ns - fault.at_ns));
     row("of these, gaps that began before the harmed process was started or resumed, ms", Spread::of_ns(before));
     if faults.iter().all(|fault| fault.host.is_empty()) {
         return;
     }
-    // A director's end is over when all nodes have shown a frame of the next one.
+    // Recovery from the end of a director is complete when all nodes have shown a frame of the next one.
     let back = faults.iter().map(|fault| {
         let next = |node: &str| {
             let after = if are_of_directors { fault.at_ns + 200_000_000 } else { fault.until_ns };
@@ -319,7 +321,8 @@ fn print_epochs(events: &Events, faults: &[Fault]) {
     row("frames of an old director committed or shown after it was resumed", late);
 }
 
-/// One director leads all nodes; then each director reaches half of them, then the second one all but two.
+/// First one director leads all nodes. Then each director reaches half of them. Then the second one reaches all but
+/// two.
 async fn partition(cluster: &mut Cluster, length: Duration) -> Outcome<()> {
     let half = cluster.nodes.len() / 2;
     let nodes = cluster.nodes.clone();
@@ -358,7 +361,7 @@ async fn partition(cluster: &mut Cluster, length: Duration) -> Outcome<()> {
     println!("| part | seconds | frames committed and shown by epoch |");
     println!("|---|---|---|");
     for (name, from_ns, until_ns) in &parts {
-        // The first two seconds belong to the change.
+        // The first two seconds are the transition.
         let settled = events.within(from_ns + 2_000_000_000, *until_ns);
         let epochs = report::epochs(&settled);
         let texts: Vec<String> = epochs

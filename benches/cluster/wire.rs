@@ -36,19 +36,19 @@ use crate::{
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Bytes of a cue: more than one of a rig with twelve groups of exposure has.
+/// Size of a cue in bytes: larger than the cue of a rig with twelve groups of exposure.
 const CUE_BYTES: usize = 256;
-/// Bytes of a node's report.
+/// Size of a node's report in bytes.
 const REPORT_BYTES: usize = 40;
 /// A node ends when it has been without a director for this time, ns.
 const WITHOUT_DIRECTOR_NS: u64 = 3_000_000_000;
-/// What happens before this time after the first frame does not count, ns.
+/// Time after the first frame during which nothing is counted, ns.
 const SETTLE_NS: u64 = 1_000_000_000;
 
 /// A run.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Options {
-    /// Frames to ask for.
+    /// Number of frames to request.
     #[arg(long, default_value_t = 20_000)]
     frames: u64,
     /// Real-time scheduling for all threads (`chrt`). Needs `ulimit -r 10`.
@@ -65,10 +65,10 @@ pub struct Place {
     /// Endpoint of the director.
     #[arg(long)]
     dial: String,
-    /// File for what happened.
+    /// File for the events.
     #[arg(long)]
     events: PathBuf,
-    /// Frames to ask for.
+    /// Number of frames to request.
     #[arg(long)]
     ask: u64,
     /// Folder of the certificates.
@@ -160,7 +160,7 @@ struct Station {
     wire: Box<dyn Wire>,
     heard: Receiver<Heard>,
     has_clock: bool,
-    /// Lines as those of a daemon with the log of its frames.
+    /// Lines with the format of a daemon's log of frames.
     events: String,
 }
 
@@ -237,7 +237,7 @@ pub fn take_part(form: &Form, place: &Place) -> Outcome<()> {
     Ok(())
 }
 
-/// The director: asks for a number of frames after it has begun to run.
+/// Runs the director: requests a number of frames after it has begun to run.
 fn lead(station: &mut Station, lock: &mut Director, frames: u64) -> Outcome<()> {
     let cue = Cue::new(&[7; CUE_BYTES])?;
     let mut asked = 0;
@@ -286,7 +286,7 @@ fn lead(station: &mut Station, lock: &mut Director, frames: u64) -> Outcome<()> 
     Ok(())
 }
 
-/// A node, until it is without a director.
+/// Runs a node until it has lost its director.
 fn follow(station: &mut Station, lock: &mut Node) -> Outcome<()> {
     let report = Report([7; REPORT_BYTES].as_slice().into());
     let mut has_work = false;
@@ -314,7 +314,7 @@ fn follow(station: &mut Station, lock: &mut Node) -> Outcome<()> {
                     has_work = true;
                 }
                 node::Action::Show { id } => station.note("shown", id, ""),
-                // Another run of the same process is not asked for, and there is nothing to draw into.
+                // The process does not run again, and it draws nothing.
                 node::Action::Remember(_) | node::Action::Discard { .. } | node::Action::Black => {}
             }
         }

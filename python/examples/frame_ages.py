@@ -36,7 +36,8 @@ def turning(client: steradian.Client, rate_hz: float) -> Iterator[None]:
     thread = threading.Thread(target=turn)
     thread.start()
     try:
-        # A camera at rest has an old pose, which says nothing about the age of pictures.
+        # While the camera is at rest, its pose is old: it does not show how old the pictures are. Wait for the first
+        # movement.
         while client.camera().revision == start.revision and thread.is_alive():
             time.sleep(0.01)
         yield
@@ -49,7 +50,7 @@ def turning(client: steradian.Client, rate_hz: float) -> Iterator[None]:
 
 
 def greatest_age_s(take: Callable[[], steradian.Frame], period_s: float, frames: int) -> float:
-    """Returns the maximum age of this many pictures, s, for a reader that pauses this long after each."""
+    """Returns the maximum age of `frames` pictures, s, for a reader that pauses for `period_s` after each."""
     ages = []
     for _ in range(frames):
         frame = take()
@@ -59,7 +60,7 @@ def greatest_age_s(take: Callable[[], steradian.Frame], period_s: float, frames:
 
 
 def print_ages(client: steradian.Client, view: str, encoding: str, periods_s: Sequence[float], frames: int) -> None:
-    """Prints a row for each way to take frames, a column for each period."""
+    """Prints a row for each way to read frames, and a column for each pause."""
     print(f"| reader, {encoding} | " + " | ".join(f"{period_s:g} s" for period_s in periods_s) + " |")
     print("|---" * (len(periods_s) + 1) + "|")
     seen = 0

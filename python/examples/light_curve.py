@@ -91,10 +91,11 @@ class Asteroid:
 
 # %% [markdown]
 # ## Theory
-# The surface reflects by the law of Lommel and Seeliger: illuminated by E from the angle i, it has the luminance 2 p E
-# / pi cos i / (cos i + cos e) from the angle e. Stretched to a sphere, the ellipsoid keeps the form of the integral,
-# with the directions to Sun and eye stretched too: the light has a closed form (Muinonen and Lumme 2015,
-# "Disk-integrated brightness of a Lommel-Seeliger scattering ellipsoidal asteroid", A&A 584, A23).
+# The surface reflects by the law of Lommel and Seeliger: with the illuminance E at the angle of incidence i, its
+# luminance at the angle of emission e is 2 p E / pi cos i / (cos i + cos e). If the ellipsoid is stretched to a sphere,
+# and the directions to Sun and eye with it, the integral keeps its form. The light therefore has a closed form
+# (Muinonen and Lumme 2015, "Disk-integrated brightness of a Lommel-Seeliger scattering ellipsoidal asteroid", A&A 584,
+# A23).
 
 
 # %%
@@ -135,15 +136,15 @@ def _turned(direction: Vector, angles: Vector) -> Vector:
 
 # %% [markdown]
 # ## The measurement
-# Stars and glare are turned off during the measurement, so that all light in the picture is the asteroid's. Each change
-# contains the revision of the previous one: if another client changes the scene in between, the measurement ends with
-# `Conflict` instead of wrong numbers.
+# Stars and glare are turned off during the measurement, so that all light in the picture comes from the asteroid. Each
+# change contains the revision of the previous one: if another client changes the scene in between, the measurement ends
+# with `Conflict` instead of wrong numbers.
 
 
 # %%
 @contextlib.contextmanager
 def prepared(client: steradian.Client, view: str, asteroid: Asteroid) -> Iterator[int]:
-    """Shows the asteroid alone; gives the scene's revision, and restores the scene afterwards."""
+    """Shows only the asteroid, yields the revision of the scene, and restores the scene afterwards."""
     scene, camera, shown = client.scene(), client.camera(), client.view(view)
     own_glare = {
         key.removeprefix("glare."): getattr(shown.message.glare, key.removeprefix("glare."))

@@ -37,7 +37,7 @@ def test_a_slow_reader_gets_the_newest_frame_and_the_number_of_skipped_ones(clie
         taken = frames.next(PATIENCE_S)
         for step in range(20):
             revision = turn(client, 0.01 * step)
-            # Each turn has a frame: in a stream, they would wait in the buffers.
+            # Render a frame after each turn: in a stream, these frames would wait in the buffers.
             client.render("flat")
         # A frame in transit may be older. One that is requested after the last turn cannot be.
         come = frames.received
@@ -170,7 +170,7 @@ def test_only_the_first_picture_of_a_video_is_a_key_picture(client: steradian.Cl
             step += 1
             turn(client, 0.02 * step)
     assert all(of[0] and not any(of[1:]) for of in keys.values())
-    # A loop whose reader takes nothing ends, too.
+    # A loop also ends if its reader takes no frames.
     with client.frames("flat", "H264") as idle:
         until(lambda: idle.received == 1, "the first picture")
 
@@ -182,7 +182,7 @@ def test_a_daemon_that_hangs_is_noticed(daemon: Daemon) -> None:
         with pytest.raises(steradian.Unavailable):
             frames.next(PATIENCE_S)
         daemon.go_on()
-        until(lambda: answers(client), "an answer after the daemon goes on")
+        until(lambda: answers(client), "an answer after the daemon continues")
 
 
 def answers(client: steradian.Client) -> bool:

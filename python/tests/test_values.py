@@ -81,7 +81,7 @@ def run_lengths(plain: bytes) -> bytes:
 
 
 def exr_file(pixels: dict[str, npt.NDArray[Any]], compression: int) -> bytes:
-    """Writes a file after the layout of the OpenEXR documentation, row by row."""
+    """Writes a file in the layout of the OpenEXR documentation, row by row."""
     height, width = next(iter(pixels.values())).shape
     kinds = {np.dtype("float16"): 1, np.dtype("float32"): 2}
     names = sorted(pixels)

@@ -6,7 +6,7 @@ readonly EX_UNAVAILABLE=69
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 
-# fail LINE...: prints what is missing and how to get it, and ends the script.
+# fail LINE...: prints the missing parts and how to get them, and ends the script.
 fail() {
     local line
     for line in "$@"; do say "$line"; done

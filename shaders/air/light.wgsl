@@ -117,7 +117,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let top = vec2(id.x, tile.first_row + first_row);
     let rows = min(AIR_ROWS, tile.rows - first_row);
-    // The light of plain blocks is in their grid.
+    // The grid of plain blocks already contains their light.
     let flags = block_flags(tile.viewport, top);
     if (flags & BLOCK_IS_MIXED) == 0u {
         return;

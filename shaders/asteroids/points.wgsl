@@ -96,8 +96,8 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             if !(illuminance > 0.0) {
                 continue;
             }
-            // Its own mesh or impostor, with which it shares its light, does not hide it; distances of pixels are
-            // rounded down.
+            // The asteroid's own mesh or impostor, which has the rest of its light, must not hide the point; distances
+            // of pixels are rounded down.
             let foremost = (distance - shape.bound * radius) * 0.9999;
             let visible = visible_share(tile, viewport, direction, projected.xy, foremost);
             if visible > 0.0 {

@@ -21,8 +21,8 @@
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 
-// A point says how often the spacing has to be halved until the light of the cell to the right and below is smooth, at most three times. If
-// only the extinction of low air is rough, it says IS_LOW.
+// A point states how often the spacing must be halved, at most three times, until the light of the cell to the right and below is smooth. If only the
+// extinction of low air is rough, the point has the value IS_LOW.
 const IS_LOW: f32 = 0.5;
 // Sine of the altitude of a cell's corner below which the extinction in the cell is too curved for interpolation.
 const LEAST_SINE: f32 = 0.12;

@@ -78,7 +78,7 @@ fn picture_in(header: u32, direction: vec3<f32>) -> vec4<f32> {
     let size = vec2(texels[header + 11u], texels[header + 12u]);
     let first = texels[header + 13u];
     let place = (along.xy / along.z + 0.5) * extent - 0.5;
-    // Far outside, whole numbers overflow.
+    // Far outside, the conversion to integers would overflow.
     if any(place < vec2(-1.0)) || any(place > vec2<f32>(size)) {
         return vec4(0.0);
     }

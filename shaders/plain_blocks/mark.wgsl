@@ -1,6 +1,6 @@
-// Marks the blocks of a picture that are not plain: those that show ground or the air near the horizon, and those where a
-// second difference between the points of the grid says that interpolation is not accurate enough. The passes over bodies
-// mark further blocks. Finds where the cells of plain blocks are in the map of faint light.
+// Marks the blocks of a picture that are not plain: those that show ground or the air near the horizon, and those where
+// a second difference between the points of the grid shows that interpolation is not accurate enough. The passes over
+// bodies mark further blocks. Finds where the cells of plain blocks are in the map of faint light.
 
 #import constants/frame_lists
 #import constants/plain_blocks
@@ -23,12 +23,12 @@
 
 // Margin above the highest ground, pixels.
 const PIXELS_ABOVE_GROUND: f32 = 2.0;
-// Error of the place in a picture of the sky, rad: a twentieth of a texel of the finest map.
+// Maximum error of a position in a picture of the sky, rad: a twentieth of a texel of the finest map.
 const MOST_PLACE_ERROR: f32 = 2e-4;
-// Error of the share of light that passes the air.
+// Maximum error of the share of light that passes the air.
 const MOST_PASSED_ERROR: f32 = 4e-3;
 
-// Second differences of values beside a point.
+// Second differences of values around a point.
 struct Differences {
     // Along its row, and along its column.
     along: vec4<f32>,
@@ -56,14 +56,14 @@ fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
 // Whether the image is a display image, whose errors are codes.
 override JUDGES_CODES: bool;
 
-// Whether an error of light counts where the sum of light is `light`. Software drivers compile a copy of the encoding for each call and for
-// each unrolled iteration. So this loop and those of the callers stay loops.
+// Whether an error of the light is significant if the sum of all light is `light`. Software drivers compile a copy of the encoding for each call and
+// for each unrolled iteration. So this loop and those of the callers stay loops.
 fn is_visible(viewport: Viewport, light: vec3<f32>, error: vec3<f32>) -> bool {
     if !JUDGES_CODES {
         let most = max(parameters.most_error * dot(light, LUMINANCE_WEIGHTS), parameters.floor_cd_m2);
         return !(max(error.x, max(error.y, error.z)) <= most);
     }
-    // The encoded light, then the difference of the light with its error from it.
+    // First the encoded light; then the difference between the light with its error, also encoded, and the encoded light.
     var change = vec3(0.0);
     for (var i = 0; i < turns(viewport, 2); i++) {
         change = encoded_display(light + f32(i) * error, parameters.display_per_cd_m2, parameters.shown) - change;
@@ -71,7 +71,7 @@ fn is_visible(viewport: Viewport, light: vec3<f32>, error: vec3<f32>) -> bool {
     return !(255.0 * max(abs(change.x), max(abs(change.y), abs(change.z))) <= parameters.most_error);
 }
 
-// A point of a block's grid that has neighbours on all sides: near its first corner, or near the opposite one for `i` = 1.
+// A point of a block's grid that has neighbours on all sides. `i` = 0: near the block's first corner; `i` = 1: near the opposite one.
 fn inner_point(grid: PlainGrid, block: vec2<u32>, i: u32) -> u32 {
     let last = vec2(grid.columns, grid.rows) - 1u;
     let place = clamp(min((block + i) * (PLAIN_BLOCK >> grid.spacing_log2), last), vec2(1u), max(last, vec2(2u)) - 1u);
@@ -95,13 +95,13 @@ struct Judgement {
     is_mixed: bool,
     // Whether this is because of the light of the air.
     is_steep: bool,
-    // How often the spacing is halved until the rough part of diffuse light is smooth.
+    // Number of times that the spacing is halved until the rough part of diffuse light is smooth.
     halvings: u32,
     // Whether all neighbours are in the same picture of the sky, so that the error of places in it is known.
     has_place: bool,
 }
 
-// Whether pixels read a map of the sky, if the spacing is halved so often.
+// Whether pixels read a map of the sky if the spacing is halved this often.
 fn reads_place(halvings: u32) -> bool {
     return halvings > 0u || parameters.reads_faint_map != 0u;
 }
@@ -128,14 +128,14 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
     if reads_place(found.halvings) {
         let of_place = error_at(grid.sky, point, grid.columns, 2u);
         let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
-        // A neighbour in another picture says nothing about places in this one.
+        // With a neighbour in another picture, the error of positions in this one is unknown.
         if of_place.z == 0.0 {
             found.has_place = true;
             found.is_mixed = found.is_mixed || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR);
         }
         found.is_mixed = found.is_mixed || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
     }
-    // All light; if its error is visible, also that of the air.
+    // First the error of all light; if it is visible, also the error of the light of the air.
     var asked = error.xyz;
     for (var part = 0; part < turns(viewport, 2); part++) {
         let is_seen = is_visible(viewport, own.xyz, asked);
@@ -152,7 +152,7 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
     return found;
 }
 
-// The direction of a point in the pictures of the sky.
+// Returns the direction of a point in terms of the pictures of the sky.
 fn direction_at(grid: PlainGrid, point: u32) -> PictureDirection {
     let place = grid_points[grid.sky + 2u * point];
     return PictureDirection(u32(place.z), place.xy);
@@ -202,13 +202,13 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = vec2(grid.columns, grid.rows) - 1u;
     var is_mixed = false;
     var is_steep = false;
-    // Whether the block is beside a body.
+    // Whether the block is next to a body.
     var is_beside = false;
-    // How often the spacing is halved until the rough part of diffuse light is smooth.
+    // Number of times that the spacing is halved until the rough part of diffuse light is smooth.
     var halvings = 0u;
     // Whether the block is at an edge between two pictures of the sky.
     var is_edge = false;
-    // Corners of the block's cells: what they show.
+    // Values at the corners of the block's cells.
     let first_number = grid_points[grid.sky + 2u * (id.y * cells * grid.columns + id.x * cells)].z;
     for (var row = 0u; row <= cells; row++) {
         for (var column = 0u; column <= cells; column++) {
@@ -234,7 +234,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         is_mixed = true;
         is_steep = true;
     } else {
-        // Two opposite corners. Places need one whose neighbours are in the same picture.
+        // Judge two opposite corners. Positions are valid if the neighbours of at least one of them are in the same picture.
         var has_place = false;
         for (var i = 0; i < turns(viewport, 2); i++) {
             let found = judgement_at(grid, viewport, inner_point(grid, id.xy, u32(i)), halvings);

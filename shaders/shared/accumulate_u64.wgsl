@@ -53,8 +53,8 @@ fn accumulate_high(pixel: u32, added: u64) {
     }
 }
 
-// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added. Few values
-// need a second word, and a software driver skips what none of its lanes needs.
+// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added. Few
+// values need a second word, and a software driver skips code that none of its lanes needs.
 fn accumulate(pixel: u32, units: vec3<f32>) {
     var low = units;
     var added_high = 0lu;

@@ -1,6 +1,6 @@
 // A Gaussian that is round in view space: every pixel within its reach gets the density at the pixel's centre times the
-// pixel's solid angle. It is as wide as asked for, as an angle or in pixels, and never narrower than keeps the sum over
-// the pixels the same wherever the star is. The f64 twin is crates/render/src/reference/stars/gaussian.rs.
+// pixel's solid angle. It has the requested width, as an angle or in pixels, but is never so narrow that the sum over
+// the pixels depends on the position of the star. The f64 twin is crates/render/src/reference/stars/gaussian.rs.
 
 #import constants/kernels
 #import constants/projections

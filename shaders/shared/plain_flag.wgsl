@@ -1,4 +1,4 @@
-// Where the flags of plain blocks are among the counters.
+// Positions of the flags of plain blocks in the counters.
 
 #import constants/plain_blocks
 #import structs/PlainGrid

@@ -251,8 +251,8 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
         let complement = f32(n * n - squared) / f32(n * n);
         let p = vec2<f32>(doubled) / f32(n);
         // Towards the orthographic rim the density grows without bound: average nine points within 64 pixels of it.
-        // Within 1.5 pixels of the rim, also that of the full sphere, some points would be outside, so the value at the
-        // centre is used.
+        // Within 1.5 pixels of the rim (including the rim of a full sphere), some points would be outside, so the value
+        // at the centre is used.
         let orthographic = viewport.kind == KIND_ORTHOGRAPHIC;
         let steep = orthographic && squared > max(n - 128, 0) * max(n - 128, 0);
         let at_rim = (orthographic || viewport.full_sphere != 0u) && squared > (n - 3) * (n - 3);

@@ -1,5 +1,5 @@
-// Where a cell of a plain grid is in the map of faint light. A cell has SKY_CELL_ENTRIES entries, at the number of its first
-// point: `shaders/plain_blocks/mark.wgsl` writes them. The importer binds `grid_points`.
+// Position of a cell of a plain grid in the map of faint light. Each cell has SKY_CELL_ENTRIES entries, which `shaders/plain_blocks/mark.wgsl`
+// writes; cells are numbered by their first points. The importer binds `grid_points`.
 
 #import constants/plain_blocks
 

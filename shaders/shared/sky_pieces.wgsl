@@ -1,5 +1,5 @@
 // Pieces of a map of the sky: small flat pictures, read in a direction. The division of the sky is that of
-// crates/render/src/plan/smooth_light/pieces.rs. The importer binds `sky_texels`: an address of a piece for each number, then the pieces, each with
+// crates/render/src/plan/smooth_light/pieces.rs. The importer binds `sky_texels`: the address of each piece by its number, then the pieces, each with
 // three axes of four words before its texels.
 
 #import constants/sky_pieces

@@ -106,7 +106,8 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             let projected = pixel_from_direction(viewport, direction);
             var peak = peak_luminance(viewport, direction, illuminance);
             if FROM_PAGES {
-                // Not the tent: its pattern would interfere with that of the cells of composite stars, and stars must look like these.
+                // The tent is not used: its pattern would interfere with that of the cells of composite stars. Stars use the same kernel, so that
+                // they look like composite stars.
                 peak = max(peak, viewport.tent_below_cd_m2);
                 // The light of a cell is spread, unlike that of a bright star.
                 peak = select(peak, min(peak, 0.999 * viewport.gaussian_from_cd_m2), item.form == COMPOSITES_OF_PAGE);

@@ -1,5 +1,5 @@
 // Draws an image into a window. If sizes are equal, pixels are copied. Otherwise a pixel of the window is the mean of
-// the image over a square of its own size, but at least one pixel of the image: this is linear interpolation for
+// the image over a square of its size, but at least one pixel of the image: this is linear interpolation for
 // magnified images, and it preserves the light of stars in reduced images. Means are computed in linear light. The
 // vertices come from shared/whole_target.wgsl.
 

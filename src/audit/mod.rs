@@ -399,7 +399,7 @@ impl<'a> AuditedImage<'a> {
         }
     }
 
-    /// Errors of the display image; `None` if there is no display image.
+    /// Errors of the display image; `None` without a display image.
     fn compare_display(&self, expected: &Expected, settings: &RenderSettings, plan: &FramePlan) -> Option<ImageAudit> {
         let display = self.image.display.as_ref()?;
         let (tone_map, codes) = (&settings.tone_map, settings.accuracy.display_codes);
@@ -428,7 +428,7 @@ impl<'a> AuditedImage<'a> {
         Some(self.verdict(AuditedOutput::Display, &compared, left_out, budget))
     }
 
-    /// Errors of the HDR image; `None` if there is no HDR image.
+    /// Errors of the HDR image; `None` without an HDR image.
     fn compare_hdr(&self, expected: &Expected, settings: &RenderSettings, plan: &FramePlan) -> Option<ImageAudit> {
         let hdr = self.image.hdr.as_ref()?;
         let mut compared = Vec::new();

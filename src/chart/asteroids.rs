@@ -202,8 +202,8 @@ impl Workload {
     }
 }
 
-/// Returns the indices of the methods of which one frame each fits into the budget, the fastest first. Methods without
-/// an estimate are always included.
+/// Returns the indices of the methods that can draw one frame each within the budget, the fastest first. Methods without an estimate are always
+/// included.
 fn affordable(expected: &[Option<Duration>], budget: Duration) -> Vec<usize> {
     let mut order: Vec<usize> = (0..expected.len()).collect();
     order.sort_by_key(|index| expected[*index]);

@@ -1,4 +1,4 @@
-//! Deep stores on the axis `scale`: display frames of stores of growing size, what they read and keep in memory, and their error against every star.
+//! Deep stores on the axis `scale`: display frames of stores of growing size, their reads and memory, and their error against every star.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -31,9 +31,9 @@ use crate::{
 const EV100: f64 = -5.4;
 /// Stores with more stars are not compared with a frame of every star: it takes minutes and many GiB.
 const MOST_COMPARED: u64 = 100_000_000;
-/// Memory for the pages of a frame of every star.
+/// Memory for the pages of a frame that draws every star.
 const EVERY_STAR: MemorySize = MemorySize::gib(4);
-/// Memory for making a store.
+/// Memory for building a store.
 const MAKING: MemorySize = MemorySize::gib(1);
 
 /// Figure of a row of a deep store.
@@ -64,12 +64,12 @@ impl DeepMetric {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Error999Codes => {
-                "error against a frame of every star that 99.9 % of the channels do not exceed, codes of 8 bits before rounding"
+                "error that 99.9 % of the channels do not exceed, against a frame of every star, codes of 8 bits before rounding"
             }
             Self::ErrorLargestCodes => "the largest error, codes of 8 bits before rounding",
-            Self::ReadMib => "what was read from leaves and planes for the first frame, MiB",
+            Self::ReadMib => "data read from leaves and planes for the first frame, MiB",
             Self::MemoryMib => "resident stars, and pages in memory, MiB",
-            Self::Drawn => "stars and composite stars that a frame draws one by one; a map has the others",
+            Self::Drawn => "stars and composite stars that a frame draws one by one; the others are in a map",
         }
     }
 }
@@ -78,7 +78,7 @@ impl DeepMetric {
 const VIEWS: [(&str, ViewShape); 2] =
     [("deep_store", ViewShape::Flat([1920, 1080])), ("deep_store_dome", ViewShape::Dome(1024))];
 
-/// Measures stores with these numbers of stars, which it makes, and the stores in these folders.
+/// Builds and measures stores with these numbers of stars, and measures the stores in these folders.
 pub(super) fn run(
     renderer: &mut Renderer,
     (numbers, folders): (&[usize], &[std::path::PathBuf]),
@@ -116,7 +116,7 @@ fn make(stars: usize, out: &Path) -> Result<(), ChartError> {
 fn of_store(renderer: &mut Renderer, folder: &Path, rounds: usize, budget: Budget) -> Result<Vec<Row>, ChartError> {
     let mut rows = Vec::new();
     for (index, (series, view)) in VIEWS.into_iter().enumerate() {
-        // Loaded again for each view, so that nothing has been read before.
+        // Load the store again for each view, so that no page has been read before.
         let (stars, _) =
             load_stars(&[StarSource::File(folder.to_owned())], &Epoch::default(), &mut |_| {}).map_err(Box::new)?;
         let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::default(), camera: camera() };
@@ -145,7 +145,7 @@ fn of_store(renderer: &mut Renderer, folder: &Path, rounds: usize, budget: Budge
 /// Figures of a view of a store.
 struct Measured {
     timed: Timed,
-    /// What the first frame read; `None`: it failed.
+    /// Data read for the first frame; `None`: it failed.
     read_mib: Option<f64>,
     memory_mib: f64,
     drawn: Option<f64>,
@@ -203,7 +203,7 @@ fn measure(
         true => Err(format!("not compared with every star: more than {} million", MOST_COMPARED / 1_000_000)),
         false => errors(renderer, (scene, &rig), &settings)?,
     };
-    // One method was timed.
+    // Only one method was timed.
     let timed = timed.into_iter().next().unwrap_or_default();
     Ok(Measured { timed, read_mib: read.map(mib), memory_mib, drawn, errors })
 }
@@ -228,7 +228,7 @@ fn errors(
     Ok(Ok([0.999, 1.0].map(|share| errors.quantile(share))))
 }
 
-/// Draws a frame that lacks nothing.
+/// Draws a complete frame: the map of faint light is drawn first if the frame needs it.
 fn draw(
     renderer: &mut Renderer,
     (scene, rig): (&SceneSnapshot, &Rig),

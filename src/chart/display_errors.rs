@@ -2,8 +2,8 @@
 
 use crate::{photometry::exposure::white_luminance_cd_m2, plan::settings::RenderSettings, render::Frame};
 
-/// Display values of the HDR images of a frame minus those of an exact one, both with the exposure of the exact one:
-/// codes of 8 bits before rounding, by image, pixel and channel. Images without HDR pixels are empty.
+/// Differences: the display values of a frame's HDR images minus those of an exact frame. Both use the exposure of the exact frame. Codes of 8 bits
+/// before rounding, by image, pixel and channel. Images without HDR pixels are empty.
 pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> Vec<Vec<[f64; 3]>> {
     let white = white_luminance_cd_m2(exact.exposure_ev100);
     let code = |[r, g, b, _]: &[f32; 4]| {
@@ -27,7 +27,7 @@ pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> V
 pub struct DisplayErrors {
     /// Absolute errors of all channels of all pixels, ascending.
     codes: Vec<f64>,
-    /// Image, column and row of the largest one.
+    /// Image, column and row of the largest error.
     pub worst: [usize; 3],
 }
 

@@ -158,7 +158,7 @@ pub(super) fn run(
     Ok(rows)
 }
 
-/// Scores every variant in a view; variants without glare have no score. In flight a method shows the same as at rest.
+/// Scores every variant in a view; variants without glare have no score. In flight, a method gives the same picture as at rest.
 fn score_variants(
     renderer: &mut Renderer,
     variants: &[Variant],
@@ -181,7 +181,7 @@ fn score_variants(
     Ok(found)
 }
 
-/// Times of a variant's frames besides the glare passes, ms; the first entry belongs to the first turn.
+/// Times of a variant's frames, in addition to those of the glare passes, ms; the first entry belongs to the first turn.
 #[derive(Clone, Debug, Default)]
 struct FrameNotes {
     whole_gpu: Vec<f64>,
@@ -222,7 +222,7 @@ fn time_variants(
     Ok(timed.into_iter().zip(notes).zip(variants).map(with_note).collect())
 }
 
-/// Draws the frames of one turn; see the module head.
+/// Draws the frames of one turn: see the module documentation.
 fn turn(
     renderer: &mut Renderer,
     variant: &Variant,

@@ -219,7 +219,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
     page
 }
 
-/// Returns the table of all methods; `remark` describes its figures besides times.
+/// Returns the table of all methods; `remark` describes its figures other than times.
 fn summary(summary: &Summary, remark: &str) -> String {
     let times = summary.workloads.iter().map(|name| format!("<th>ms, {}</th>", escaped(name)));
     let heads: String =

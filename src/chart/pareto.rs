@@ -26,8 +26,8 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Result<Vec<usize>, ParetoError> {
     order.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0).then(points[a].1.total_cmp(&points[b].1)));
     let mut front: Vec<usize> = Vec::new();
     for index in order {
-        // The points are sorted by time, so the front so far is not slower: a point must have a smaller error than the
-        // last one.
+        // The points are sorted by time, so no point of the front so far is slower. The next point belongs to the front only if its error is smaller
+        // than that of the front's last point.
         let stays = front.last().is_none_or(|&last| points[index].1 < points[last].1 || points[index] == points[last]);
         if stays {
             front.push(index);

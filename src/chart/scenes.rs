@@ -109,8 +109,8 @@ fn placed(
     Scene::new(rig, records, stars)
 }
 
-/// Stars at the sub-pixel positions of a pan, all with the same light over the solid angle of their own pixel. The
-/// second value is that luminance in cd/m^2. Every page has different positions.
+/// Stars at the sub-pixel positions of a pan. All have the same luminance: their light divided by the solid angle of their pixel. The second value is
+/// this luminance in cd/m^2. Every page has different positions.
 ///
 /// In a `narrow` view, kernels defined in pixels have the same shape everywhere, so stars differ only by their
 /// sub-pixel position. Stars of constant angle are scored in the usual view, where they have their usual small size.

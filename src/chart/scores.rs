@@ -185,9 +185,9 @@ impl From<MetricError> for Failure {
     }
 }
 
-/// Returns the settings of a method at an exposure. The published Gaussians, whose exponent (lim - sat) (sat - m) ends
-/// 6.8 / (lim - sat) magnitudes below saturation, get limits 2.6 magnitudes apart around the faintest star, so that all
-/// methods draw all stars. Glare is off, because it takes light from stars; it has a separate axis.
+/// Returns the settings of a method at an exposure. The published Gaussians have the exponent (lim - sat) (sat - m) and therefore end 6.8 / (lim -
+/// sat) magnitudes below saturation. Their limits are set around the faintest star, 2.6 magnitudes apart, so that all methods draw all stars. Glare
+/// is off, because it takes light from stars; it has a separate axis.
 pub(super) fn settings_of(method: StarMethod, ev100: f64, faintest_lx: f64) -> RenderSettings {
     let mut settings = RenderSettings::default();
     settings.stars.method = method;
@@ -201,12 +201,12 @@ pub(super) fn settings_of(method: StarMethod, ev100: f64, faintest_lx: f64) -> R
     settings
 }
 
-/// Returns the illuminance of the faintest star, lx; infinite if there are no stars.
+/// Returns the illuminance of the faintest star, lx; infinite without stars.
 pub(super) fn faintest_lx(stars: &[Placed]) -> f64 {
     stars.iter().map(|star| star.illuminance_lx).fold(f64::INFINITY, f64::min)
 }
 
-/// Pixels of an HDR image, as a frame holds them.
+/// Pixels of an HDR image, as stored in a frame.
 type Pixels = Vec<[f32; 4]>;
 
 /// Draws a scene at an exposure and returns the HDR images of its view.

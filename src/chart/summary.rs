@@ -151,7 +151,7 @@ impl Summary {
                 Some((*method, (row.gpu_ms_median?, row.error_value?)))
             });
             let (named, points): (Vec<&str>, Vec<(f64, f64)>) = timed.unzip();
-            // Figures that cannot be compared are on no front.
+            // Figures that cannot be compared are not on the front.
             let front = pareto_front(&points).unwrap_or_default();
             for method in methods {
                 let text = |metric, format: fn(f64) -> String| value(method, metric).map_or(NONE.to_owned(), format);
@@ -293,7 +293,7 @@ mod tests {
         // Slower and less accurate than the other budget.
         let dominated = [(0.25, Some(60.0), Some([0.1, 0.4])), (0.5, Some(70.0), Some([0.3, 0.9]))];
         assert_eq!(judged(&dominated), [["yes", "yes"], ["yes", "no"]]);
-        // A figure that cannot be compared passes nothing.
+        // A figure that cannot be compared neither keeps its budget nor is on the front.
         let nan = [(0.25, Some(60.0), Some([f64::NAN, 0.4])), (0.5, Some(70.0), Some([0.3, 0.9]))];
         assert_eq!(judged(&nan), [["no", "no"], ["yes", "no"]]);
     }

@@ -1,10 +1,9 @@
 //! The picture of an axis: time against error in double-logarithmic panels, one point per method, the Pareto front as a
 //! line.
 //!
-//! The axis `stars` shows one workload, [`HEADLINE`] if it was run, with one panel per error metric; the table lists
-//! all workloads. The axis `glare` has one panel per projection, the axis `live` one per configuration and view. Methods without a figure are listed below their panel.
-//! Errors below [`LEAST_ERROR`], which are invisible, are drawn on the lowest line. Sources differ by colour and by the
-//! shape of their marks.
+//! The axis `stars` shows one workload, [`HEADLINE`] if it was run, with one panel per error metric; the table lists all workloads. The axis `glare`
+//! has one panel per projection, the axis `live` one per configuration and view. Methods without a figure are listed below their panel. Errors below
+//! [`LEAST_ERROR`], which are invisible, are drawn on the lowest line. Sources differ by colour and by the shape of their marks.
 
 mod axes;
 mod labels;
@@ -144,7 +143,7 @@ fn projectors(axis: Axis, rows: &[&Row], about: &About) -> String {
     let panels = ProjectorMetric::ALL.map(|metric| {
         let (points, without) = points(metric.name(), 0.0, rows);
         let (name, meaning) = (metric.name().to_owned(), metric.meaning().to_owned());
-        Panel { name, meaning, timed: "the whole frame, read back", points, without }
+        Panel { name, meaning, timed: "the whole frame with readback", points, without }
     });
     let subtitle = match rows.first() {
         Some(row) => format!(

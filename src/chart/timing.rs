@@ -1,10 +1,9 @@
 //! Timing: frames of all methods in turn, so that other activity of the machine affects all of them alike.
 //!
-//! Every method draws one frame that is not counted (it builds pipelines and buffers, uploads stars, fills caches),
-//! then one frame per round; each round begins with another method. The time that fast methods leave of the budget goes
-//! to the slower ones. A method whose frames have used its share skips the remaining rounds and gets a note, but fast
-//! methods draw [`LEAST_ROUNDS`] regardless of the budget. If the first frame already exceeds the share, it is the
-//! figure.
+//! Every method draws one frame that is not counted (it builds pipelines and buffers, uploads stars, fills caches), then one frame per round; each
+//! round begins with another method. Time that fast methods do not use is available to the slower ones. A method whose frames have used its share
+//! skips the remaining rounds and gets a note, but fast methods draw [`LEAST_ROUNDS`] regardless of the budget. If the first frame already exceeds
+//! the share, its time is the figure.
 
 use std::time::{Duration, Instant};
 
@@ -50,7 +49,7 @@ impl Spread {
 pub(super) struct Timed {
     /// Times; `None` if the method was not drawn or the adapter has no timestamps.
     pub spread: Option<Spread>,
-    /// Reason why there is no time, or a limitation of it.
+    /// Reason for a missing time, or a limitation of the time.
     pub note: String,
     /// Whether the method could not be drawn.
     pub failed: bool,

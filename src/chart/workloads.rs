@@ -131,7 +131,7 @@ impl ViewShape {
         }
     }
 
-    /// Returns the same projection with a longer side of `px` pixels.
+    /// Returns the same projection, scaled so that its longer side has `px` pixels.
     pub(super) fn with_longer_side(self, px: u32) -> Self {
         match self {
             Self::Flat(_) => Self::Flat([px; 2]),
@@ -236,8 +236,8 @@ impl GlareExtent {
 }
 
 impl Extent {
-    /// Size of a run that ends within four minutes on two cores without a GPU, all axes except `live` included. There, blending
-    /// methods need seconds for one frame of the whole sky with a million stars, which only the full run draws.
+    /// Size of a run of all axes except `live` that ends within four minutes on two cores without a GPU. On such a machine, blending methods need
+    /// seconds for one frame of the whole sky with a million stars, so only the full run draws it.
     pub fn quick() -> Self {
         let (flat, dome) = (ViewShape::Flat([1920, 1080]), ViewShape::Dome(1024));
         Self {

@@ -1,4 +1,4 @@
-//! `cache info` and `cache clear` show and remove what the program keeps between runs.
+//! `cache info` and `cache clear` show and remove data that the program keeps between runs.
 
 use std::{
     collections::BTreeMap,
@@ -15,11 +15,11 @@ use super::{CliError, results};
 use crate::cache::{self, Cache, Entry};
 use crate::files;
 
-/// Names the folder itself; empty: none.
+/// Environment variable with the path of the cache folder; an empty value disables the cache.
 const FOLDER_VARIABLE: &str = "STERADIAN_CACHE_DIR";
-/// Names the size limit, MiB.
+/// Environment variable with the size limit, MiB.
 const LIMIT_VARIABLE: &str = "STERADIAN_CACHE_MIB";
-/// Size limit without that variable, MiB.
+/// Default size limit, MiB.
 const MOST_MIB: u64 = 2048;
 
 /// Arguments of `cache`.
@@ -43,11 +43,11 @@ enum CacheCommand {
         #[arg(long)]
         json: bool,
     },
-    /// Remove all entries; other files of the folder stay.
+    /// Remove all entries; other files in the folder stay.
     Clear,
 }
 
-/// Sets the cache of this process from the environment; `unused`: there is none.
+/// Sets the cache of this process from the environment; with `unused`, the process has no cache.
 pub fn set(unused: bool) -> Result<(), CliError> {
     let cache = if unused { None } else { from_environment(|name| env::var_os(name))? };
     if let Some((folder, problem)) = cache.as_ref().and_then(unusable) {
@@ -62,7 +62,8 @@ pub fn set(unused: bool) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The folder of a cache if it neither exists nor can be created, with the reason. Entries of a folder that cannot be written are used.
+/// Returns the folder of a cache, with the reason, if the folder neither exists nor can be created. A folder that exists and cannot be written is
+/// usable: its entries are read.
 fn unusable(cache: &Cache) -> Option<(&Path, io::Error)> {
     let folder = &*cache.folder;
     if folder.is_dir() { None } else { files::check_folder(folder).err().map(|problem| (folder, problem)) }
@@ -127,7 +128,7 @@ fn mib(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// The cache from environment variables; `None`: there is none.
+/// Returns the cache that environment variables describe; `None`: no cache.
 fn from_environment(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<Cache>, CliError> {
     let most_mib = variable(LIMIT_VARIABLE).map_or(Ok(MOST_MIB), |text| most_mib(&text))?;
     let folder = match variable(FOLDER_VARIABLE) {
@@ -160,7 +161,7 @@ mod tests {
         assert_eq!(found(&[(FOLDER_VARIABLE, "")]).unwrap(), None, "switched off");
         let of_user = found(&[]).unwrap().expect("the user has a home folder");
         assert!(of_user.folder.ends_with("steradian") && of_user.most_bytes == 2 << 30, "{of_user:?}");
-        // A file is no folder, and nothing can be created in it.
+        // A file is not a folder, and nothing can be created in it.
         let file = tempfile::NamedTempFile::new().unwrap();
         for folder in [file.path().to_owned(), file.path().join("cache")] {
             assert!(unusable(&Cache { folder, most_bytes: 1 }).is_some());

@@ -36,18 +36,18 @@ pub struct ChartArguments {
     /// but live, which starts daemons on free ports of this machine and measures the frames that reach a client.
     #[arg(long, value_name = "AXIS", value_parser = Axis::parse)]
     axis: Option<Axis>,
-    /// A deep store to measure on the axis scale, beside those that it makes. May be repeated.
+    /// A deep store to measure on the axis scale, in addition to the generated ones. May be repeated.
     #[arg(long = "store", value_name = "DIR")]
     stores: Vec<PathBuf>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &ChartArguments, options: &GpuOptions, no_cache: bool) -> Result<(), CliError> {
-    // Create the folder first: a folder that cannot be created is an error before the long work.
+    // Create the folder first, so that an error is reported before the long work.
     check_folder(&arguments.out)?;
     std::fs::create_dir_all(&arguments.out)
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
-    // The same holds for a store that cannot be used.
+    // For the same reason, check now that the stores can be used.
     if let (Some(axis), [_, ..]) = (arguments.axis.filter(|axis| *axis != Axis::Scale), &arguments.stores[..]) {
         return Err(CliError::Usage(format!(
             "--store: the axis {} measures no stores; give --axis scale, or no axis",

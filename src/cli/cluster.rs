@@ -1,4 +1,4 @@
-//! `cluster check`: what must be in order before a show.
+//! `cluster check`: checks a cluster before a show.
 
 use std::{
     net::{TcpStream, ToSocketAddrs},
@@ -22,11 +22,11 @@ use crate::{
     service::{ask_director, cluster::distrusted_clock},
 };
 
-/// Connections that are opened to measure the network.
+/// Number of connections that are opened to measure the network.
 const CONNECTIONS: usize = 5;
-/// Interval between two questions to the director.
+/// Interval between two requests to the director.
 const LOOK: Duration = Duration::from_millis(200);
-/// Time after which an address does not answer.
+/// Time after which an address without an answer counts as unreachable.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 fn wait(text: &str) -> Result<Duration, String> {
@@ -73,7 +73,7 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
         problems += u32::from(!fine);
         results::line(format!("{} {text}", if fine { "ok   " } else { "WRONG" }))
     };
-    // What all processes must have in common.
+    // Data that all processes must have in common.
     told(true, format!("program {}", version()?))?;
     let configuration = hexadecimal(&Sha256::digest(config.shared.as_bytes()));
     told(true, format!("configuration {configuration}"))?;
@@ -83,7 +83,7 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
     for view in &config.views {
         let drawn = config.nodes.iter().filter(|node| node.views.contains(&view.name));
         let names: Vec<&str> = drawn.map(|node| node.name.as_str()).collect();
-        let by = if names.is_empty() { "nobody".to_owned() } else { names.join(", ") };
+        let by = if names.is_empty() { "no node".to_owned() } else { names.join(", ") };
         told(true, format!("view {} drawn by {by}", view.name))?;
     }
     for (is_fine, text) in certificates(&config, cluster) {
@@ -93,7 +93,7 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
         let (is_fine, text) = reached(endpoint);
         told(is_fine, text)?;
     }
-    // Without it, frames are shown when COMMIT arrives.
+    // Without a usable clock, frames are shown when COMMIT arrives.
     told(
         true,
         match distrusted_clock() {
@@ -105,7 +105,7 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
             }
         },
     )?;
-    // The running director. An address that the daemon listens on has no scheme.
+    // Check the running director. `server.listen` has no scheme, so add it.
     let address = connect.clone().unwrap_or_else(|| {
         let listen = &config.server.listen;
         let is_encrypted = config.server.tls.is_some() && !listen.starts_with(UNIX_PREFIX);
@@ -139,10 +139,10 @@ fn hexadecimal(hash: &[u8]) -> String {
     hash[..8].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The certificates of this machine.
+/// Checks which certificates are on this machine.
 fn certificates(config: &Config, cluster: &ClusterConfig) -> Vec<(bool, String)> {
     let Some(tls) = &cluster.tls else {
-        return vec![(true, "connections are not encrypted: all endpoints are of this machine".to_owned())];
+        return vec![(true, "connections are not encrypted: all endpoints are on this machine".to_owned())];
     };
     let names = std::iter::once(DIRECTOR).chain(config.nodes.iter().map(|node| node.name.as_str()));
     let of = |name: &str| {
@@ -154,7 +154,7 @@ fn certificates(config: &Config, cluster: &ClusterConfig) -> Vec<(bool, String)>
             .collect();
         match missing.len() {
             0 => (true, format!("certificate of {name}")),
-            // Each machine needs its own only.
+            // Each machine needs only its own certificate.
             2 => (true, format!("certificate of {name}: not on this machine")),
             _ => (false, format!("certificate of {name}: missing {}", missing.join(", "))),
         }
@@ -162,7 +162,7 @@ fn certificates(config: &Config, cluster: &ClusterConfig) -> Vec<(bool, String)>
     names.map(of).collect()
 }
 
-/// Connects to an endpoint several times.
+/// Connects to an endpoint several times, and reports how long this takes.
 fn reached(endpoint: &str) -> (bool, String) {
     let place = endpoint.split_once('/').map_or(endpoint, |(_, place)| place);
     let address = match place.to_socket_addrs().map(|mut addresses| addresses.next()) {

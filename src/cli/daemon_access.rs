@@ -1,4 +1,4 @@
-//! The address of a running daemon, and what it requires of a client.
+//! The address of a running daemon, and the credentials for it.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::{
 /// Maximum size of a token or certificate file, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// What a daemon requires of a client.
+/// Credentials for a daemon.
 #[derive(Debug, Args)]
 pub(super) struct DaemonAccess {
     /// File with the token that the daemon requires.
@@ -48,7 +48,7 @@ pub(super) fn address(text: &str) -> Result<String, String> {
     let rest = ["http://", "https://"].iter().find_map(|scheme| text.strip_prefix(scheme));
     let place = rest.map_or(text, |rest| rest.strip_suffix('/').unwrap_or(rest));
     let is_path = place.starts_with(UNIX_PREFIX);
-    // A path may contain anything; a host neither another scheme nor port 0.
+    // A socket path may contain anything; a host must not contain another scheme or port 0.
     let is_valid = if is_path { rest.is_none() } else { !place.contains('/') && !place.ends_with(":0") };
     if is_valid && parse_listen(place).is_ok() {
         return Ok(text.to_owned());

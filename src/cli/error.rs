@@ -78,7 +78,7 @@ pub enum CliError {
     /// The files of a projector installer cannot be read.
     #[error(transparent)]
     Theatre(#[from] TheatreError),
-    /// The files of a projector installer can be read, and not drawn.
+    /// The files of a projector installer can be read but not drawn.
     #[error("{0}")]
     Calibration(String),
     /// A film cannot be made.
@@ -147,7 +147,7 @@ pub enum CliError {
         /// SHA-256 of the file.
         found: String,
     },
-    /// A path could not be recorded, or not to its end.
+    /// A path could not be recorded, or only in part.
     #[error("{0}")]
     Record(String),
     /// A chart cannot be made.
@@ -247,7 +247,7 @@ impl CliError {
         }
     }
 
-    /// Whether the reader of standard output closed it, which is not a failure: `steradian ... | head`.
+    /// Whether the reader of standard output closed it, as `head` does in `steradian ... | head`. This is not a failure.
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }

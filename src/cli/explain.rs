@@ -43,7 +43,7 @@ fn describe_view(view: &ViewStatistics) -> String {
     }
     line.push('\n');
     if view.stars_in_map > 0 {
-        // Its stars are not counted in view.
+        // The stars of the map are not part of the count of stars drawn.
         let _ =
             writeln!(line, "faint stars {} over the whole sky, in one map that {} reads", view.stars_in_map, view.name);
     }

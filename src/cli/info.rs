@@ -23,7 +23,7 @@ pub struct InfoArguments {
 struct Report<'a> {
     #[serde(flatten)]
     adapter: &'a AdapterReport,
-    /// The needs of all passes, each with the limit of the adapter.
+    /// The requirements of all passes, each with the adapter's limit.
     needs: &'a [Need],
     /// Folder of the shaders, if they are not those built into the program.
     #[serde(skip_serializing_if = "Option::is_none")]

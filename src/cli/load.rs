@@ -26,8 +26,7 @@ pub struct LoadedScene {
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the scene of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. The progress is also
-/// stated to `told`.
+/// Loads the scene of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. Also reports the progress to `told`.
 pub fn scene(
     config: &Config,
     groups: &[FrameGroup],
@@ -73,8 +72,8 @@ fn warn_of_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
     }
 }
 
-/// Loads the catalogues with progress, and warns of rejected rows and of stars listed in two catalogues. `origin` names
-/// the configuration in errors; it is empty for command-line arguments. The progress is also stated to `told`.
+/// Loads the catalogues with progress, and warns of rejected rows and of stars listed in two catalogues. `origin` names the configuration in errors;
+/// it is empty for command-line arguments. Also reports the progress to `told`.
 pub fn stars(
     sources: &[StarSource],
     epoch: &Epoch,

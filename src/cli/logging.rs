@@ -37,8 +37,8 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
 
 type BoxedLayer = Box<dyn Layer<Registry> + Send + Sync>;
 
-/// The receivers of the log. Absent ones are left out of the list: with a layer that is `None`, every call would create spans of the network
-/// libraries that no filter wants.
+/// The layers that receive the log. Absent layers are left out of the list: with a layer that is `None`, every call would create spans of the network
+/// libraries, although every filter rejects them.
 fn subscriber(filter: EnvFilter, traces: Option<BoxedLayer>) -> Layered<Vec<BoxedLayer>, Registry> {
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(io::stderr)

@@ -77,7 +77,7 @@ pub struct Cli {
     /// Graphics adapter to use: part of its name, case-insensitive.
     #[arg(long, global = true, value_name = "NAME")]
     pub adapter: Option<String>,
-    /// Restrict the adapter, to test what others get: a list of webgpu (the default limits of WebGPU), no-64-bit-atomics,
+    /// Restrict the adapter, to test the program as on a less capable one: a list of webgpu (the default limits of WebGPU), no-64-bit-atomics,
     /// no-float-blending, no-timestamps, storage-buffers=N, binding-mib=N.
     #[arg(long, global = true, value_name = "LIST", value_parser = restrictions)]
     pub adapter_limits: Option<GpuOptions>,
@@ -85,7 +85,7 @@ pub struct Cli {
     /// Default: the environment variable STERADIAN_LOG, otherwise info.
     #[arg(long, global = true, value_name = "FILTER")]
     pub log: Option<String>,
-    /// Make everything anew, and keep nothing for later runs; see `steradian cache --help`.
+    /// Compute everything again, and keep nothing for later runs; see `steradian cache --help`.
     #[arg(long, global = true)]
     pub no_cache: bool,
     /// Command to run.
@@ -122,7 +122,7 @@ pub enum Command {
     Catalogue(catalogue::CatalogueArguments),
     /// Compute the point-spread function of an aperture, or convert one.
     Psf(psf::PsfArguments),
-    /// Show or remove what is kept between runs: synthetic stars, tables of projectors, atlases of asteroids.
+    /// Show or remove data kept between runs: synthetic stars, tables of projectors, atlases of asteroids.
     Cache(cache::CacheArguments),
     /// Work with a cluster of daemons.
     Cluster(cluster::ClusterArguments),

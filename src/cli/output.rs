@@ -41,7 +41,7 @@ mod tests {
             let error = refused(&out).unwrap_err();
             assert!(matches!(&error, CliError::Usage(text) if text.contains("choose another file")), "{error}");
         }
-        // Two paths of files that do not exist are no reason to refuse.
+        // Two paths of files that do not exist are accepted.
         for out in ["other", "new", "none"] {
             assert!(refused(&path(out)).is_ok(), "{out}");
         }

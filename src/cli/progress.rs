@@ -35,7 +35,7 @@ fn bar_like(template: &str) -> Option<ProgressBar> {
 pub struct Progress<'a> {
     bar: Option<ProgressBar>,
     started: Instant,
-    /// Where the steps are also stated, and the name of the work.
+    /// Another receiver of the steps, and the name of the work there.
     told: Option<(&'a StartProgress, &'static str)>,
 }
 
@@ -45,7 +45,7 @@ impl<'a> Progress<'a> {
         Self { bar: bar(), started: Instant::now(), told: None }
     }
 
-    /// Starts the progress of a part of a start.
+    /// Starts the progress of one part of the preparation of the first frame.
     pub fn of_start(told: Option<&'a StartProgress>, work: &'static str) -> Self {
         Self { told: told.map(|told| (told, work)), ..Self::new() }
     }
@@ -191,7 +191,7 @@ impl FileProgress {
 /// Progress of building or reading a deep store: several parts of work, one after the other.
 pub struct BuildProgress {
     bar: Option<ProgressBar>,
-    /// The part, and when it began with how many units done.
+    /// The part, the time when it began, and the number of units that were done then.
     work: Option<(&'static str, Instant, u64)>,
     last_line: Instant,
 }

@@ -61,7 +61,7 @@ struct ImportArguments {
     /// Position of the spectator, m: right, up, backwards, such as 0,1.2,0. Refused if the directions do not depend on it.
     #[arg(long, value_name = "X,Y,Z", value_parser = eye, allow_hyphen_values = true)]
     eye_m: Option<[f64; 3]>,
-    /// Field of view of the fisheye picture that meshes sample, degrees. Refused if a file does not leave it open.
+    /// Field of view of the fisheye picture that meshes sample, degrees. Refused if a file defines it.
     #[arg(long, value_name = "DEG", default_value_t = 180.0, allow_negative_numbers = true)]
     fov_deg: f64,
     /// Tilt of that fisheye, degrees. For a dome of projectors use --dome-tilt-deg.
@@ -113,7 +113,7 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
     let mut names = BTreeMap::new();
     for file in &arguments.files {
         let (calibration, opened) = reading(|| read(file, &options));
-        // Also the meshes and masks that it refers to.
+        // The output must not replace the meshes and masks that the file refers to either.
         refuse_own_input(&arguments.out, opened.iter().map(PathBuf::as_path))?;
         let calibration = calibration?;
         let place =
@@ -151,7 +151,7 @@ fn check_out(arguments: &ImportArguments) -> Result<(), CliError> {
     Ok(())
 }
 
-/// A fault of the written configuration: if a calibration is to blame, its file is named, and not the configuration.
+/// Converts an error of the written configuration. If a calibration is at fault, the message names the calibration file instead of the configuration.
 fn of_file(error: ConfigError) -> CliError {
     match error {
         ConfigError::Key { key, problem, .. } if key.contains("].file ") || key.ends_with("].file") => {
@@ -206,7 +206,7 @@ fn add(
         set("file", Value::from(file.to_string_lossy().into_owned()));
         set("region", Value::from(region.name.clone()));
         set("method", Value::from("direct"));
-        // A key without effect would be refused.
+        // Set only keys that have an effect: others would be refused.
         if region.uses.rows {
             set("rows", Value::from(arguments.rows.clone()));
         }
@@ -240,8 +240,8 @@ fn unique(region: &str, names: &mut BTreeMap<String, usize>) -> String {
     if *count == 1 { name } else { unique(&format!("{name}_{count}"), names) }
 }
 
-/// Words of the command line in which `--eye-m X Y Z`, with blanks, is `--eye-m X,Y,Z`: both forms are valid. clap would take a file after
-/// the first form for a fourth number.
+/// Returns the words of the command line, with `--eye-m X Y Z` rewritten as `--eye-m X,Y,Z`: both forms are valid. In the form with blanks, clap
+/// would take a file name that follows for a fourth number.
 pub fn with_joined_eye(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut words: Vec<OsString> = words.collect();
     let is_number = |word: &OsString| word.to_str().is_some_and(|text| text.parse::<f64>().is_ok());
@@ -272,7 +272,7 @@ mod tests {
         ] {
             assert_eq!(joined(line), expected);
         }
-        // A word that begins with a number below 0 is no option.
+        // A word that begins with a number below 0 is not an option.
         let parse = |words: &[&str]| <crate::cli::Cli as clap::Parser>::try_parse_from(words).is_ok();
         let words = |eye| ["steradian", "projectors", "import", "a.mpcdi", "--eye-m", eye, "--out", "o.toml"];
         assert!(parse(&words("-0.5,1.2,-3")) && parse(&words("0,1.2,0")) && !parse(&words("-0.5,1.2")));

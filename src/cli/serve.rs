@@ -63,7 +63,7 @@ pub struct ServeArguments {
     /// Address of `cluster.endpoints` to listen on, with `--role director`. Default: the first one.
     #[arg(long, value_name = "ENDPOINT")]
     endpoint: Option<String>,
-    /// Shut down when standard input is closed, as it is when the process that holds its other end ends in any way.
+    /// Shut down when standard input is closed. This also happens when the process at its other end ends, for whatever reason.
     #[arg(long)]
     until_input_closes: bool,
 }
@@ -72,7 +72,7 @@ pub struct ServeArguments {
 pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     {
-        // The access rules are read again when the daemon listens, which then remembers the signal that reloads them.
+        // Do not end at the signal that reloads the access rules. It can be ignored until the daemon listens: the rules are read again then.
         let _inside = runtime.enter();
         signals::survive_hangup().map_err(CliError::Runtime)?;
     }
@@ -93,7 +93,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     let current = access().map_err(|problem| CliError::Serve(ServeError::Access(problem)))?;
     service::check_listen(&listen, &current).map_err(CliError::Serve)?;
     let is_node = part.as_ref().is_some_and(|part| part.node.is_some());
-    // A node has the director's state.
+    // A node takes over the director's state.
     let configured = config.server.state.as_ref().map(|state| config.folder.join(state)).filter(|_| !is_node);
     let state = arguments.state.clone().or(configured);
     if let Some(path) = &state {
@@ -155,14 +155,14 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     })
 }
 
-/// Resolves when standard input is closed; never, unless the arguments ask for it.
+/// Resolves when standard input is closed, if the arguments request this; otherwise never.
 fn input_closes(arguments: &ServeArguments) -> impl Future<Output = ()> + Send + use<> {
     let (sender, closed) = tokio::sync::oneshot::channel();
     let watches = arguments.until_input_closes;
     if watches {
         // A thread, because reads of standard input cannot be cancelled.
         std::thread::spawn(move || {
-            // An input that cannot be read is closed too.
+            // Treat a failed read like a closed input.
             let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
             sender.send(())
         });
@@ -249,7 +249,7 @@ fn block_on_and_leave<T>(runtime: Runtime, future: impl Future<Output = T>) -> T
 /// Prints the line that scripts wait for.
 fn announce(address: Address) {
     if let Err(error) = results::line(format!("listening on {address}")) {
-        // The daemon works without a reader of its output.
+        // The daemon also works if nothing reads its output.
         tracing::warn!("{error}");
     }
     supervisor::ready();

@@ -30,7 +30,7 @@ pub enum FieldShape {
     Ring,
 }
 
-/// A field of asteroids, generated from a seed; `shape` says which keys give its size.
+/// A field of asteroids, generated from a seed. `shape` determines which keys give its size.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {
@@ -76,7 +76,7 @@ pub struct FieldConfig {
     #[serde(default = "two_hours_to_two_days")]
     #[schemars(inner(range(min = LEAST_OF_RANGE, max = LARGEST_EXTENT_M)), extend("x-unit" = "s"))]
     pub spin_period_s: [f64; 2],
-    /// Geometric albedo, one number or [red, green, blue]; needed.
+    /// Geometric albedo, one number or [red, green, blue]; required.
     #[serde(default, deserialize_with = "albedo")]
     #[schemars(schema_with = "super::reference::albedo")]
     pub geometric_albedo: Option<[f64; 3]>,
@@ -107,14 +107,14 @@ fn two_hours_to_two_days() -> [f64; 2] {
 }
 
 impl FieldConfig {
-    /// Reads a field's table and checks it; a fault names the key within it. Shapes are not read.
+    /// Reads a field's table and checks it; an error names the key within it. Shapes are not read.
     pub(super) fn from_table(table: Table) -> Result<Self, KeyError> {
         let config: Self = read(Value::Table(table))?;
         config.spec(Path::new(""))?;
         Ok(config)
     }
 
-    /// The specification of the field; paths start at `folder`.
+    /// The specification of the field; paths are relative to `folder`.
     pub(super) fn spec(&self, folder: &Path) -> Result<FieldSpec, KeyError> {
         let shapes = match (&self.shapes, self.shape_seed) {
             (Some(_), Some(_)) => {
@@ -197,7 +197,7 @@ fn named(shape: FieldShape) -> &'static str {
     }
 }
 
-/// The fault of an error that the scene reports, with the key of the configuration.
+/// Converts an error that the scene reports to one that names the key of the configuration.
 pub(super) fn spec_fault(error: &SpecError) -> KeyError {
     match error {
         SpecError::Part(error) => error.clone(),

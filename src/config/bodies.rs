@@ -23,7 +23,8 @@ use crate::scene::unit_quaternion;
 pub struct BodyConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// A body of the Solar System: gives the size, albedo, reflection law and spin that are not given here, and the Sun's position and emission.
+    /// A body of the Solar System, whose size, albedo, reflection law and spin are the defaults of these keys; for the Sun, also its position and
+    /// emission.
     pub preset: Option<SolarBody>,
     /// Ephemeris of the position, instead of `position_m`: the name of a body of the Solar System, or `spk:NUMBER`, where NUMBER is the NAIF number of an object in `scene.kernels`.
     /// For a body of the Solar System it gives orientation and rotation too, instead of `orientation` and `spin`.
@@ -35,13 +36,13 @@ pub struct BodyConfig {
     pub position_m: Option<[f64; 3]>,
     /// Unit quaternion from the body's axes to ICRS axes; the identity by default. The body spins about its z axis.
     pub orientation: Option<[f64; 4]>,
-    /// Semi-axes along x, y and z; the largest is at most 100 times the smallest. Needed, or `radius_m`, without a preset.
+    /// Semi-axes along x, y and z; the largest is at most 100 times the smallest. Without a preset, either this or `radius_m` is required.
     #[schemars(inner(range(min = RADII_M[0], max = RADII_M[1])), extend("x-unit" = "m"))]
     pub radii_m: Option<[f64; 3]>,
     /// Radius of a sphere, instead of `radii_m`.
     #[schemars(range(min = RADII_M[0], max = RADII_M[1]), extend("x-unit" = "m"))]
     pub radius_m: Option<f64>,
-    /// Geometric albedo, one number or [red, green, blue]; needed without a preset.
+    /// Geometric albedo, one number or [red, green, blue]; required without a preset.
     #[serde(default, deserialize_with = "albedo")]
     #[schemars(schema_with = "super::reference::albedo")]
     pub geometric_albedo: Option<[f64; 3]>,
@@ -73,16 +74,16 @@ pub struct SpinConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionConfig {
-    /// Absolute V magnitude; needed without the preset `sun`.
+    /// Absolute V magnitude; required without the preset `sun`.
     #[schemars(range(min = -50.0, max = 50.0))]
     pub absolute_magnitude: Option<f64>,
-    /// Temperature of the black body that has the same colour; needed without the preset `sun`.
+    /// Temperature of the black body that has the same colour; required without the preset `sun`.
     #[schemars(range(min = 100.0, max = 1e8), extend("x-unit" = "K"))]
     pub temperature_k: Option<f64>,
     /// Coefficient of linear limb darkening; 0 without the preset `sun`.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub limb_darkening: Option<f64>,
-    /// Whether there is a corona around it, as around the Sun; false without the preset `sun`.
+    /// Whether there is a corona around it, as around the Sun; false by default without the preset `sun`.
     pub corona: Option<bool>,
 }
 
@@ -136,12 +137,12 @@ impl BodyConfig {
         self.name == of.name() || self.preset == Some(of) || self.stands_as() == Some(of)
     }
 
-    /// The body of the Solar System whose orientation its ephemeris gives it.
+    /// The body of the Solar System whose ephemeris it has, and with it the orientation.
     fn stands_as(&self) -> Option<SolarBody> {
         self.ephemeris.and_then(Ephemeris::stands_as)
     }
 
-    /// Reads a body's table and checks it; a fault names the key within it.
+    /// Reads a body's table and checks it; an error names the key within it.
     pub(super) fn from_table(table: Table) -> Result<Self, KeyError> {
         let config: Self = read(Value::Table(table))?;
         config.body()?;
@@ -163,7 +164,7 @@ impl BodyConfig {
         }
         let position_m = match (self.position_m, self.ephemeris, self.preset) {
             (Some(position_m), ..) => DVec3::from_array(position_m),
-            // Placed later, at the scene's time.
+            // The ephemeris gives the position later, at the scene's time.
             (None, Some(_), _) | (None, None, Some(SolarBody::Sun)) => DVec3::ZERO,
             (None, None, _) => {
                 let problem = "missing key: give the position, [x, y, z] in m, or ephemeris";
@@ -255,7 +256,7 @@ impl BodyConfig {
         Ok(Some(Emission { corona: given.corona.unwrap_or(is_sun), ..of_star }))
     }
 
-    /// The body with its texture, which is read; paths start at `folder`.
+    /// Reads the texture and returns the complete body; paths are relative to `folder`.
     pub(super) fn load(&self, folder: &Path) -> Result<Body, KeyError> {
         let mut body = self.body()?;
         if let Some(file) = &self.texture {

@@ -1,4 +1,4 @@
-//! The camera of a configuration: its place, and the direction that `look` or the observer's keys give.
+//! The camera of a configuration: its position, and its direction, given by `look` or the observer's keys.
 
 use std::fmt::Display;
 
@@ -30,7 +30,7 @@ impl Config {
         self.camera_of(time_s).map_err(|fault| self.error(fault.within("scene")))
     }
 
-    /// A fault names the key below `scene`.
+    /// Like [`Self::camera_at`], but an error names the key below `scene`.
     pub(super) fn camera_of(&self, time_s: f64) -> Result<Camera, KeyError> {
         let observer = self.observer();
         let camera = &self.scene.camera;

@@ -18,18 +18,18 @@ use crate::{
     view::check_name,
 };
 
-/// Most nodes of a cluster.
+/// Maximum number of nodes in a cluster.
 pub const MOST_NODES: usize = 256;
 /// Name of the director in paths of certificates.
 pub const DIRECTOR: &str = "director";
-/// Part of a path that stands for the name of a node, or for [`DIRECTOR`].
+/// Part of a path that is replaced by the name of a node, or by [`DIRECTOR`].
 const NAME_IN_PATH: &str = "{name}";
 
 /// `[cluster]`. The director and all nodes have the same configuration.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClusterConfig {
-    /// Name of the cluster. Clusters on one network have different names.
+    /// Name of the cluster. Clusters on one network must have different names.
     #[serde(default = "cluster_name")]
     pub name: String,
     /// Addresses of directors as `tcp/HOST:PORT`, or `tls/HOST:PORT` with `tls`. A director listens on the first one unless `--endpoint` names another; nodes
@@ -42,8 +42,8 @@ pub struct ClusterConfig {
     /// What happens if a node is not ready in time.
     #[serde(default)]
     pub at_deadline: AtDeadline,
-    /// Frames in a row for which a node is not ready, after which it is left out. With 1, a node that hangs costs the others one frame, and a single late
-    /// frame leaves a node out for three.
+    /// A node is left out after it was not ready for this number of consecutive frames. With 1, a node that hangs costs the others one frame, and a
+    /// single late frame leaves a node out for three frames.
     #[serde(default = "misses")]
     #[schemars(range(min = 1, max = 10))]
     pub misses: u8,
@@ -59,18 +59,19 @@ pub struct ClusterConfig {
     #[serde(default = "hold_s")]
     #[schemars(range(min = 0.1, max = 3600.0), extend("x-unit" = "s"))]
     pub hold_s: f64,
-    /// Folder in which each node keeps the epoch that it has promised, in a file with its name. It must be on a disk that a restart keeps.
+    /// Folder in which each node keeps the epoch that it has promised, in a file named after the node. The folder must survive a restart of the
+    /// machine.
     #[serde(default = "epochs")]
     pub epochs: PathBuf,
-    /// Whether the threads of the network, and the one that presents, ask for real-time scheduling. The log states a refusal.
+    /// Whether the threads of the network, and the one that presents, ask for real-time scheduling. If the system refuses, the log says so.
     #[serde(default = "yes")]
     pub real_time: bool,
     /// Encrypts and authenticates the connections.
     pub tls: Option<ClusterTls>,
 }
 
-/// `[cluster.tls]`. Paths start at the folder of the configuration; `{name}` in them stands for the name of the node, or for `director`. Each certificate is valid
-/// for servers and clients.
+/// `[cluster.tls]`. Paths start at the folder of the configuration; `{name}` in them is replaced by the name of the node, or by `director`. Each
+/// certificate is valid for servers and clients.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClusterTls {
@@ -92,7 +93,7 @@ pub enum AtDeadline {
     /// The frame is skipped on all nodes.
     #[default]
     Together,
-    /// The nodes that are ready show it.
+    /// The nodes that are ready show the frame.
     Apart,
 }
 
@@ -246,7 +247,7 @@ impl ClusterConfig {
     }
 }
 
-/// Checks `[[nodes]]` with the rest of the configuration; a fault has the number of the node.
+/// Checks `[[nodes]]` with the rest of the configuration; an error has the index of the node.
 pub(super) fn check_nodes(
     nodes: &[NodeConfig],
     views: &[ViewSpec],
@@ -271,7 +272,8 @@ pub(super) fn check_nodes(
     Ok(())
 }
 
-/// Checks that the exposure of every view is known before a frame is drawn: the light that `mean` and `spot` meter is on several machines.
+/// Checks that the exposure of every view is known before a frame is drawn. The metering modes `mean` and `spot` are refused: they measure light that
+/// is drawn on several machines.
 pub(super) fn check_exposures(general: &ExposureSettings, views: &[ViewSettings]) -> Result<(), KeyError> {
     for exposure in std::iter::once(general).chain(views.iter().map(|view| &view.exposure)) {
         if let Some(metering) = [Metering::Mean, Metering::Spot].into_iter().find(|one| exposure.uses(*one)) {

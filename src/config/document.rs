@@ -27,7 +27,7 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
     })
 }
 
-/// Deserialises the value at the path `prefix`; a fault names the key below it.
+/// Deserialises the value at the path `prefix`; an error names the key below it.
 pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Result<T, KeyError> {
     let given = value.clone();
     serde_path_to_error::deserialize(value).map_err(|error| {
@@ -38,7 +38,7 @@ pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Re
             NOT_A_NAME => unknown_name::<T>(given, error.path()).unwrap_or(problem),
             _ => problem,
         };
-        // Serde reports an unknown key at the table that holds it; the user looks for the key.
+        // For an unknown key, serde gives the path of its table; give the path of the key itself.
         let unknown = problem.strip_prefix("unknown field `").and_then(|rest| rest.split('`').next());
         let key = match unknown {
             Some(name) if key != name && !key.ends_with(&format!(".{name}")) => key_below(&key, name),
@@ -49,17 +49,17 @@ pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Re
     })
 }
 
-/// What serde says of a value other than text for one of several names; it does not say which.
+/// Serde's error if a value must be one of several names but is not text. It does not list the names.
 const NOT_A_NAME: &str = "invalid type: unit variant, expected string only";
 
-/// What serde says if the value at a path is text, which lists the names.
+/// Returns serde's error for the same value written as text, which lists the names.
 fn unknown_name<T: DeserializeOwned>(mut whole: Value, path: &Path) -> Option<String> {
     let mut value = &mut whole;
     for segment in path {
         value = match segment {
             Segment::Map { key } => value.get_mut(key.as_str())?,
             Segment::Seq { index } => value.get_mut(*index)?,
-            // The key of a name is that of its value.
+            // The segment of an enum adds no key.
             Segment::Enum { .. } | Segment::Unknown => value,
         };
     }
@@ -100,7 +100,7 @@ fn list_in_words(found: &str, expected: &str, key: &str) -> String {
     }
 }
 
-/// A message of serde about a key in the words of the file: keys, and the kinds of values that TOML has.
+/// Rewrites a message of serde about a key in terms of the file: keys, and the types of values in TOML.
 fn in_words(problem: &str, key: &str) -> String {
     let problem = problem.replace("unknown field", "unknown key").replace("missing field", "missing key");
     let Some((found, expected)) = problem.rsplit_once(", expected ") else { return problem };
@@ -121,7 +121,7 @@ fn in_words(problem: &str, key: &str) -> String {
     format!("{found}, expected {kind}")
 }
 
-/// Checks the numbers of a value by the ranges of a type.
+/// Checks the numbers of a value against the ranges of a type.
 pub(super) fn check_ranges<T: JsonSchema + 'static>(value: &Value) -> Result<(), KeyError> {
     ranges::check::<T>(value)
 }

@@ -1,4 +1,4 @@
-//! Properties that the projectors of a configuration share: blends that are computed from their overlap, and matched brightness.
+//! Properties that depend on all projectors of a configuration: blends computed from their overlap, and matched brightness.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -24,7 +24,7 @@ pub(super) struct Computed(Arc<Mutex<Option<Held>>>);
 type Held = (Vec<Beam>, Vec<Blend>);
 
 impl PartialEq for Computed {
-    /// They follow from the configuration.
+    /// Always equal, because the blends follow from the configuration.
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -42,7 +42,8 @@ impl Computed {
     }
 }
 
-/// Gives the projectors among `views` their computed blends and matches their brightness: the factor on the light of each view. A fault comes with the number of its view.
+/// Gives the projectors among `views` their computed blends and matches their brightness. Returns the factor on the light of each view. An error has
+/// the index of its view.
 pub(super) fn match_projectors(
     configs: &[ViewSpec],
     views: &mut [View],
@@ -104,7 +105,7 @@ pub(super) fn match_projectors(
     Ok(factors)
 }
 
-/// A projector as the rules of domes judge it.
+/// A projector, with the properties that the rules of domes check.
 #[derive(Clone, Debug)]
 pub struct DomeProjector {
     /// Its view.
@@ -115,7 +116,7 @@ pub struct DomeProjector {
     pub dimmed_to: f64,
 }
 
-/// A projector that makes no view.
+/// A projector that cannot be a view.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DomeFault {
     /// Name of the view.

@@ -1,10 +1,11 @@
 //! Keys that have no effect.
 //!
-//! Such a key in a file is refused ([`super::limits`]). After `--set exposure.mode=manual` the keys of the file that belong to the other mode are left out
-//! instead, because the override means the mode; so it is for methods and kernels of `[glare]` and the operator of `[tone_map]`. Keys that overrides give
-//! stay, and are checked like all others.
+//! Such a key in a file is refused ([`super::limits`]). The exception is a key that lost its effect through an override: after
+//! `--set exposure.mode=manual`, the keys in the file that belong to the other mode are left out, because the user wants this mode. The same holds
+//! for the method and the kernel of `[glare]` and the operator of `[tone_map]`. Keys given by overrides stay, and are checked like all others.
 //!
-//! Keys that a client can put into effect at run time, and that it cannot give itself or gets back as they are, are kept, with a warning.
+//! A key without effect is kept, with a warning, if a client can put it into effect at run time, and either cannot set this key itself or gets it
+//! back unchanged.
 
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
@@ -21,8 +22,8 @@ use crate::plan::settings::{
 use crate::ranges::{KeyEffects, KeyError, Obstacle};
 use crate::scene::loader::StarSource;
 
-/// Leaves out the keys of `[exposure]`, `[glare]` and `[tone_map]`, and of these tables of views, that an override has deprived of their effect, and logs each.
-/// A document that is wrong in another way stays as it is.
+/// Removes the keys that an override has deprived of their effect from `[exposure]`, `[glare]` and `[tone_map]`, and from these tables of views, and
+/// logs each. A document with another error stays unchanged.
 pub(super) fn leave_out_overridden(document: &mut Table, applied: &[Applied], origin: &str) {
     leave_out_of_exposure(document, applied, origin);
     leave_out_of::<GlareSettings>(document, "glare", &["method", "kernel", "absolute"], applied, origin);
@@ -54,7 +55,7 @@ fn leave_out_of_exposure(document: &mut Table, applied: &[Applied], origin: &str
     }
 }
 
-/// Leaves out useless keys of a section and of the views' tables of this name, after an override of one of `causes`.
+/// Removes keys without effect from a section and from the views' tables of this name, after an override of one of `causes`.
 fn leave_out_of<S>(document: &mut Table, section: &str, causes: &[&str], applied: &[Applied], origin: &str)
 where
     S: KeyEffects + Default,
@@ -79,7 +80,7 @@ where
     }
 }
 
-/// Removes keys, each with the value that prevents its effect, unless an override gives them.
+/// Removes keys unless an override gives them. Each comes with the value that prevents its effect, for the log.
 fn remove(
     table: &mut Value,
     path: &str,
@@ -99,7 +100,7 @@ fn remove(
     }
 }
 
-/// The tables of a name that views have, with their paths.
+/// Returns the tables with this name in the views, with their paths.
 fn tables_of_views<'a>(document: &'a mut Table, name: &'a str) -> impl Iterator<Item = (String, &'a mut Value)> {
     let views = document.get_mut("views").and_then(Value::as_array_mut).into_iter().flatten().enumerate();
     views.filter_map(move |(index, view)| Some((format!("views[{index}].{name}"), view.get_mut(name)?)))
@@ -119,7 +120,7 @@ fn given<'a>(document: &'a Table, path: &[&str]) -> impl Iterator<Item = &'a str
     table_at(document, path).into_iter().flat_map(Table::keys).map(String::as_str)
 }
 
-/// Refuses given keys of tables whose types do not know which keys were given, if they can never have an effect.
+/// Refuses keys that can never have an effect, in tables whose types do not record which keys were given.
 pub(super) fn check_given(document: &Table) -> Result<(), KeyError> {
     let ground = ["scene", "observer", "ground"];
     let has = |path: &[&str], key: &str| given(document, path).any(|given| given == key);
@@ -136,7 +137,7 @@ pub(super) fn check_given(document: &Table) -> Result<(), KeyError> {
     Ok(())
 }
 
-/// Warns of keys that have no effect for now, and of names that some file systems do not tell apart.
+/// Warns of keys that have no effect for now, and of names that some file systems do not distinguish.
 pub(super) fn warn(config: &Config) {
     for (key, reason) in idle_keys(config) {
         tracing::warn!("{}: {key}: has no effect {reason}", config.origin);
@@ -298,7 +299,7 @@ mod tests {
         ] {
             assert_eq!(idle(text), [""; 0], "{text}");
         }
-        // The file of the general table is that of a view's kernel.
+        // The kernel of a view uses the file of the general table.
         let view = "[[views]]\nname = 'v'\ntype = 'equirectangular'\nsize = [8, 4]\nglare = { kernel = 'psf' }\n";
         assert_eq!(idle(&format!("{view}[glare]\npsf_file = 'eye.csv'")), [""; 0]);
     }

@@ -37,7 +37,7 @@ pub enum ConfigError {
         /// Message of the parser.
         problem: String,
     },
-    /// An override does not have the form `key=value`, or its key leads nowhere.
+    /// An override does not have the form `key=value`, or there is nothing at its path.
     #[error("--set {argument}: {problem}")]
     Override {
         /// The override as given.

@@ -1,5 +1,5 @@
-//! The path of a film: TOML with the same strict rules as configurations. Keyframes give quantities at frame numbers; values between them are
-//! `output::film`'s to say.
+//! The path of a film: TOML with the same strict rules as configurations. Keyframes give quantities at frame numbers; `output::film` interpolates
+//! between them.
 
 use std::path::Path;
 
@@ -17,25 +17,25 @@ use crate::plan::settings::MAGNITUDES;
 use crate::ranges::KeyError;
 use crate::scene::{Camera, PoseError};
 
-/// Bytes of a path file, at most.
+/// Maximum size of a path file, bytes.
 const MOST_BYTES: u64 = 64 << 20;
 /// Frames per second.
 const FPS: [f64; 2] = [1.0, 240.0];
 /// Vertical field of view, degrees; 0 is refused.
 const MOST_FOV_Y_DEG: f64 = 178.0;
-/// Beyond these the luminance of white leaves the range of f32 together with the light of the stars.
+/// Beyond these values, f32 cannot represent both the luminance of white and the light of the stars.
 const EV100: [f64; 2] = [-100.0, 100.0];
 const COMPENSATION_EV: [f64; 2] = [-30.0, 30.0];
-/// Factors on the picture's plane.
+/// Range of the factor on the size of the picture's plane.
 const FOV_SCALES: [f64; 2] = [1e-6, 1e6];
 
-/// How a segment between two keyframes is travelled.
+/// Progress along the segment between two keyframes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Easing {
     /// At a constant rate.
     Linear,
-    /// Without a jump of the rate where it begins and ends.
+    /// Without a jump of the rate at its beginning and end.
     #[default]
     Smooth,
 }
@@ -52,7 +52,7 @@ pub enum ExposureKey {
 /// Field of view that a keyframe gives perspective views.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FovKey {
-    /// Factor on the width and height of the picture's plane, that is on the tangents of the edges' angles.
+    /// Factor on the width and height of the picture's plane, that is, on the tangents of the angles of its edges.
     Scale(f64),
     /// Vertical field of view, degrees.
     YDeg(f64),
@@ -84,24 +84,24 @@ pub struct Keyframe {
     pub frame: u32,
     /// The quantities that it gives.
     pub values: FrameValues,
-    /// Of the segment that begins here.
+    /// Easing of the segment that begins here.
     pub easing: Easing,
 }
 
-/// The path of a film. Frames of keyframes rise, and all values are within their ranges.
+/// The path of a film. The frame numbers of keyframes increase, and all values are within their ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilmPath {
-    /// The file it came from, as messages name it.
+    /// Name of its file in messages.
     pub origin: String,
     /// Frames per second.
     pub fps: f64,
-    /// The axes to which orientations lead and between which they are interpolated.
+    /// The frame of the orientations, in which they are interpolated.
     pub frame: Frame,
     /// The place around which positions are interpolated: along great circles, and in the logarithm of the distance.
     pub around_m: Option<DVec3>,
     /// At least one.
     pub keyframes: Vec<Keyframe>,
-    /// The document without comments, with sorted keys; digests are made of it.
+    /// The document without comments, with sorted keys; digests are computed from it.
     pub document: String,
 }
 
@@ -168,10 +168,11 @@ fn either<A, B, T>(
 }
 
 impl Keyframe {
-    /// Its table. Reading it gives the same values, with times rounded to microseconds. `None`: a scene may not have its time.
+    /// Formats the keyframe as a TOML table. Reading it gives the same values, with times rounded to microseconds. `None`: its time is outside the
+    /// range of a scene.
     pub fn text(&self) -> Option<String> {
         let mut text = format!("[[keyframes]]\nframe = {}\n", self.frame);
-        // So many digits that reading them gives the same numbers.
+        // Values have enough digits to read back the same numbers.
         let mut line = |key: &str, value: String| text.push_str(&format!("{key} = {value}\n"));
         let FrameValues { position_m, frame_from_camera, time_s, fov, exposure, magnitude_limit, velocity_c } =
             self.values;
@@ -208,7 +209,7 @@ impl Keyframe {
 }
 
 impl KeyframeTable {
-    /// The keyframe, and the axes to which its orientation leads, if it has one.
+    /// Returns the keyframe, and the frame of its orientation if it has one.
     fn keyframe(self) -> Result<(Keyframe, Option<Frame>), KeyError> {
         let orientation = |value: [f64; 4]| {
             let turned = crate::scene::unit_quaternion(value);
@@ -220,7 +221,7 @@ impl KeyframeTable {
                 Towards::Direction([longitude_rad, latitude_rad]) => {
                     Ok((aim.frame_from_camera(longitude_rad, latitude_rad), aim.frame))
                 }
-                Towards::Object(_) => Err(KeyError::new("look.at", "keyframes have directions: at is not allowed")),
+                Towards::Object(_) => Err(KeyError::new("look.at", "keyframes require a direction: at is not allowed")),
             }
         };
         let fov_y_deg = |value: f64| {
@@ -270,7 +271,8 @@ impl FilmPath {
     ///
     /// # Errors
     ///
-    /// It cannot be read, is no TOML, or has a key that is unknown, missing, or of a value that is not allowed: the message names file and key.
+    /// The file cannot be read, is not TOML, or has a key that is unknown, is missing or has an invalid value. The message names the file and the
+    /// key.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = files::read_text_bounded(path, MOST_BYTES)
             .map_err(|source| ConfigError::ReadPath { path: path.to_owned(), source })?;
@@ -313,7 +315,7 @@ impl FilmPath {
                 (Some(first), Some(other)) if first != other => {
                     let [first, other] = [first, other].map(Frame::name);
                     let problem = format!(
-                        "its frame is {other}, that of an earlier keyframe is {first}: all keyframes must have the same one"
+                        "its frame is {other}, but that of an earlier keyframe is {first}: all keyframes must have the same frame"
                     );
                     return fault("look.frame", problem);
                 }
@@ -326,7 +328,7 @@ impl FilmPath {
                 return fault("frame", problem);
             }
             if keyframe.values.position_m.is_some() && keyframe.values.position_m == around_m {
-                return fault("position_m", "it is around_m itself, from which it has no direction".to_owned());
+                return fault("position_m", "it equals around_m, and so has no direction from there".to_owned());
             }
             let other =
                 |names: [&str; 2]| format!("keyframes have {} and {}: give only one of them", names[0], names[1]);

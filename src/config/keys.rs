@@ -1,4 +1,4 @@
-//! Moves keys between types that have the same ones, such as a specification and the message that carries it.
+//! Converts between types that have the same keys, such as a specification and the message that carries it.
 
 use serde::{Serialize, de::DeserializeOwned};
 use toml::{Table, Value};
@@ -11,16 +11,16 @@ pub(super) fn table_of(value: &impl Serialize) -> Result<Table, KeyError> {
     Table::try_from(value).map_err(|error| KeyError::new("", error.to_string()))
 }
 
-/// A value with the same keys.
+/// Converts a value to another type with the same keys.
 ///
 /// # Errors
 ///
-/// The first key that the other type does not have, or whose value it does not take.
+/// The first key that the other type does not have, or whose value it does not accept.
 pub fn with_same_keys<T: DeserializeOwned>(value: &impl Serialize) -> Result<T, KeyError> {
     deserialise(Value::Table(table_of(value)?), "")
 }
 
-/// `current` with the `keys` of `given`. A key that `given` does not have is removed.
+/// Returns `current` with `keys` taken from `given`. A key that `given` does not have is removed.
 ///
 /// # Errors
 ///

@@ -1,6 +1,5 @@
-//! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that tie several keys together. Keys without effect are refused, unless [`super::effects`]
-//! warns of them. The ranges of single keys are attributes
-//! of the fields and have been checked before.
+//! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that involve several keys. Keys without effect are refused, unless [`super::effects`]
+//! warns of them. The ranges of single keys are attributes of the fields and have been checked before.
 
 use crate::ranges::{KeyEffects, KeyError, Obstacle, PartialSettings};
 use crate::{
@@ -55,7 +54,8 @@ fn check_gaussian_psf(gaussian: &GaussianPsfSettings) -> Result<(), KeyError> {
     Ok(())
 }
 
-/// The general settings that `keys` make of the defaults, if every key has an effect: in them, or in a view that changes them by keys of `views`.
+/// Returns the general settings: the defaults, changed by `keys`. Every key must have an effect, either in these settings or in a view that changes
+/// them by its keys in `views`.
 pub(super) fn general_settings<S: KeyEffects + Default>(keys: &S::Keys, views: &[&S::Keys]) -> Result<S, KeyError> {
     let general = S::default().with_keys(keys);
     match useless_keys(&general, keys, views).into_iter().next() {
@@ -64,7 +64,7 @@ pub(super) fn general_settings<S: KeyEffects + Default>(keys: &S::Keys, views: &
     }
 }
 
-/// The given keys that have an effect neither in the general settings nor in those of a view.
+/// Returns the given keys that have no effect, neither in the general settings nor in those of any view.
 pub(super) fn useless_keys<S: KeyEffects>(
     general: &S,
     keys: &S::Keys,
@@ -93,7 +93,7 @@ pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), KeyError> {
     Ok(())
 }
 
-/// Checks the exposure that `keys` make over general settings; keys without effect are refused.
+/// Checks the general exposure, changed by `keys`; keys without effect are refused.
 pub(super) fn check_exposure(
     keys: &ExposureKeys,
     general: &ExposureSettings,

@@ -26,8 +26,8 @@ fn check_angle(key: &str, value: f64, most: f64) -> Result<(), KeyError> {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Look {
-    /// Frame of the direction, with which the camera turns: `icrs`, `galactic`, `ecliptic` (mean ecliptic and equinox of J2000.0), `horizon` (of `scene.observer`). Without
-    /// it those of the direction's keys, or `icrs`.
+    /// Frame of the direction; the camera turns with it: `icrs`, `galactic`, `ecliptic` (mean ecliptic and equinox of J2000.0), `horizon` (of
+    /// `scene.observer`). The default is the frame of the keys that give the direction, or `icrs`.
     pub frame: Option<Frame>,
     /// Right ascension; frame `icrs`.
     #[schemars(range(min = -360.0, max = 360.0))]
@@ -41,32 +41,33 @@ pub struct Look {
     /// Altitude; frame `horizon`.
     #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub altitude_deg: Option<f64>,
-    /// Longitude; frames `galactic` and `ecliptic`, and those of bodies, east.
+    /// Longitude in the frames `galactic` and `ecliptic` and in those of bodies; for bodies, towards the east.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub longitude_deg: Option<f64>,
-    /// Latitude; frames `galactic` and `ecliptic`, and those of bodies.
+    /// Latitude in the frames `galactic` and `ecliptic` and in those of bodies.
     #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub latitude_deg: Option<f64>,
     /// Name of a body, of a star of `builtin:bright` (such as `Sirius`, `alf CMa` or `HR 2491`) or of a constellation, instead of a direction.
     pub at: Option<String>,
-    /// By which the top of the picture is turned to the left: in frame `icrs` its position angle, from north through east.
+    /// Angle by which the top of the picture is turned to the left; in the frame `icrs` this is its position angle, from north through east.
     #[serde(default)]
     #[schemars(range(min = -360.0, max = 360.0))]
     pub roll_deg: f64,
-    /// Angle by which the direction is above the middle of the picture, towards its top: a dome master shows it so far above its front rim.
+    /// Angle by which the direction is above the middle of the picture, towards its top: in a domemaster, the direction is this far above the front
+    /// rim.
     #[serde(default)]
     #[schemars(range(min = -180.0, max = 180.0), extend("x-unit" = "degrees"))]
     pub above_deg: f64,
 }
 
-/// A look whose keys agree.
+/// A checked [`Look`], whose keys are consistent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Aim {
     /// The frame.
     pub(super) frame: Frame,
     /// Where to.
     pub(super) towards: Towards,
-    /// Turn of the top of the picture, rad.
+    /// Angle by which the top of the picture is turned, rad.
     pub(super) roll_rad: f64,
     /// Angle of the direction above the camera's axis, rad.
     pub(super) above_rad: f64,
@@ -99,7 +100,7 @@ fn keys(frame: Frame) -> [&'static str; 2] {
 }
 
 impl Look {
-    /// The checked direction; a fault names the key within it.
+    /// The checked direction; an error names the key within it.
     pub(super) fn aim(&self) -> Result<Aim, KeyError> {
         check_angle("roll_deg", self.roll_deg, MOST_TURN_DEG)?;
         let given = [
@@ -116,7 +117,7 @@ impl Look {
         if self.frame.is_none() && of_keys == Some(Frame::Galactic) {
             return Err(KeyError::new(
                 "frame",
-                "missing key: with longitude_deg and latitude_deg it is needed: `galactic`, `ecliptic` or a body",
+                "missing key: longitude_deg and latitude_deg require it: `galactic`, `ecliptic` or a body",
             ));
         }
         let frame = self.frame.or(of_keys).unwrap_or_default();

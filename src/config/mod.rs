@@ -1,10 +1,10 @@
 //! Configuration: strict TOML, unknown keys refused.
 //!
-//! A configuration is loaded in four steps, each with its own errors: text to tables ([`document`]), overrides
-//! ([`overrides`]), tables to the types below (serde, with the path of the key at fault), and checks of ranges, which are attributes of
-//! the fields, and of rules that tie keys together. The result is plain data; [`Config::rig`], [`Config::camera`], [`Config::render_settings`],
-//! [`Config::objects`] and [`Config::star_sources`] convert it to the types of the other modules. Only configurations have degrees, and
-//! quaternions as lists x, y, z, w.
+//! A configuration is loaded in four steps, each with its own errors: text to tables ([`document`]), overrides ([`overrides`]), tables to the types
+//! below (serde, with the path of the key at fault), and checks. These are checks of ranges, which are attributes of the fields, and of rules that
+//! involve several keys. The result is plain data; [`Config::rig`], [`Config::camera`], [`Config::render_settings`], [`Config::objects`] and
+//! [`Config::star_sources`] convert it to the types of the other modules. Degrees, and quaternions as lists x, y, z, w, are used only in
+//! configurations.
 
 mod asteroids;
 mod bodies;
@@ -92,15 +92,16 @@ const BUILT_IN: &str = include_str!("built_in.toml");
 /// A configuration whose every key and range has been checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
-    /// The file it came from, as messages name it.
+    /// Name of its file in messages.
     pub origin: String,
-    /// The folder at which relative paths start.
+    /// The folder to which relative paths refer.
     pub folder: PathBuf,
-    /// The part of the configuration that determines pictures, as TOML: all tables with overrides applied, except those of the daemon, the headset and windows,
-    /// without comments and with sorted keys. Reading it gives this configuration again. The content of the files that it names is not included.
+    /// The part of the configuration that determines pictures, as TOML: all tables with overrides applied, except those of the daemon, the cluster,
+    /// the headset and windows, without comments and with sorted keys. Reading it gives these tables again. The content of the files that it names is
+    /// not included.
     pub pictured: String,
-    /// The part of the configuration that all machines of a cluster have in common, as TOML: everything except `[server]`, with overrides applied and a time `now`
-    /// as it is written.
+    /// The part of the configuration that all machines of a cluster have in common, as TOML: everything except `[server]`, with overrides applied. A
+    /// time `now` is left as written.
     pub shared: String,
     /// `[scene]`.
     pub scene: SceneConfig,
@@ -137,7 +138,7 @@ pub struct Config {
     computed_blends: dome::Computed,
 }
 
-/// Everything but the views, bodies, fields and windows, which are read one by one, so that messages have their names.
+/// Everything except the views, bodies, fields, windows and nodes. These are read one by one, so that messages can give their names.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Sections {
@@ -211,16 +212,16 @@ impl Config {
         path.map_or_else(|| Self::built_in(overrides), |path| Self::load(path, overrides))
     }
 
-    /// Reads TOML; `origin` names it in messages, relative paths start at `folder`.
+    /// Reads TOML; `origin` names it in messages; relative paths refer to `folder`.
     pub fn from_text(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
         Self::read(text, origin, folder, overrides, Self::check_views)
     }
 
-    /// Like [`Self::load`], but without checking that the views can be built, for callers that judge each view themselves.
+    /// Like [`Self::load`], but without checking that the views can be built, for callers that check each view themselves.
     ///
     /// # Errors
     ///
-    /// Those of [`Self::load`], except those of views.
+    /// Those of [`Self::load`], except errors of views.
     pub fn load_unbuilt(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
         let (text, folder) = Self::text_of(path)?;
         Self::read(&text, &path.display().to_string(), folder, overrides, Ok)
@@ -264,8 +265,8 @@ impl Config {
         })
     }
 
-    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, a landscape, kernels, shapes and calibrations, with paths that start at
-    /// the working directory or the root. Files that these name in turn are not included.
+    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, a landscape, kernels, shapes and
+    /// calibrations, with paths relative to the working directory, or absolute ones. Files that these files name in turn are not included.
     pub fn named_files(&self) -> Vec<PathBuf> {
         let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
             // The index of a deep store has a checksum of everything else.
@@ -294,7 +295,8 @@ impl Config {
         files
     }
 
-    /// The keys of a view's geometry as the configuration writes them, in one line. A field of view that a film has changed has its new value.
+    /// Returns the keys of a view's geometry as written in the configuration, on one line. If a film has changed the field of view, the line has the
+    /// new value.
     pub fn geometry_line(&self, view: usize) -> String {
         let document: Table = self.pictured.parse().unwrap_or_default();
         let table = document.get("views").and_then(|views| views.get(view)).and_then(Value::as_table);
@@ -320,7 +322,7 @@ impl Config {
 
     fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, KeyError> {
         let sections: Sections = document::deserialise(Value::Table(table.clone()), "")?;
-        // The entries of lists are checked one by one, so that messages have their names.
+        // The entries of lists are checked one by one, so that messages can give their names.
         let mut unlisted = table;
         [VIEWS, BODIES, FIELDS, WINDOWS, NODES].iter().for_each(|named| drop(unlisted.remove(named.list)));
         let unlisted = Value::Table(unlisted);
@@ -432,7 +434,7 @@ impl Config {
         )
     }
 
-    /// The overlay; the paths of its files start at `folder`, and `None` reads none.
+    /// The overlay; the paths of its files are relative to `folder`. With `None`, no file is read.
     fn build_overlay(&self, folder: Option<&Path>) -> Result<Overlay, KeyError> {
         let patterned = self.views.iter().filter(|view| view.test_pattern);
         let names = patterned.map(|view| view.name.clone()).collect();
@@ -461,7 +463,7 @@ impl Config {
         self.scene.observer()
     }
 
-    /// The moment for which stars are placed, and the observer who sees them.
+    /// The time for which stars are placed, and the observer.
     pub fn epoch(&self) -> Epoch {
         let observer = self.observer();
         match observer {
@@ -470,7 +472,7 @@ impl Config {
         }
     }
 
-    /// How frames are drawn.
+    /// The general settings of drawing.
     pub fn render_settings(&self) -> RenderSettings {
         RenderSettings {
             stars: self.stars.clone(),
@@ -482,12 +484,12 @@ impl Config {
         }
     }
 
-    /// The settings of every view: its own tables over the general ones.
+    /// The settings of every view: the general settings, changed by its own tables.
     pub fn view_settings(&self) -> Result<Vec<ViewSettings>, ConfigError> {
         self.resolve_views().map_err(|fault| self.error(fault))
     }
 
-    /// The frames that the views form, drawn one after the other: a single one, unless views have their own settings.
+    /// The groups of views, each drawn as one frame, one after the other. There is a single group unless views have their own settings.
     pub fn frame_groups(&self) -> Result<Vec<FrameGroup>, ConfigError> {
         Ok(frame_groups(&self.rig()?, &self.render_settings(), &self.view_settings()?))
     }
@@ -507,7 +509,7 @@ impl Config {
         self.asteroid_fields.iter().enumerate().map(spec).collect()
     }
 
-    /// Specifications of the asteroid fields, with paths that start at the working directory or the root.
+    /// Specifications of the asteroid fields, with paths relative to the working directory, or absolute ones.
     pub fn field_specs(&self) -> Result<Vec<Arc<FieldSpec>>, ConfigError> {
         self.specs().map_err(|fault| self.error(fault))
     }
@@ -570,7 +572,7 @@ impl Config {
         Ok(())
     }
 
-    /// The star catalogues, with paths that start at the working directory or the root.
+    /// The star catalogues, with paths relative to the working directory, or absolute ones.
     pub fn star_sources(&self) -> Vec<StarSource> {
         self.scene
             .catalogues
@@ -588,7 +590,7 @@ impl Config {
     }
 }
 
-/// A table without some keys.
+/// Returns a table without the given keys.
 fn without(table: &Table, keys: &[&str]) -> Table {
     let others = table.iter().filter(|(key, _)| !keys.contains(&key.as_str()));
     others.map(|(key, value)| (key.clone(), value.clone())).collect()
@@ -609,7 +611,7 @@ const WINDOWS: Named = Named { list: "windows", one: "window" };
 const NODES: Named = Named { list: "nodes", one: "node" };
 
 impl Named {
-    /// A fault of one of them: the path by index, and the name after it.
+    /// Completes an error of one entry: its path has the index, followed by the name.
     fn fault(&self, index: usize, name: Option<&str>, fault: KeyError) -> KeyError {
         let key = key_below(&format!("{}[{index}]", self.list), &fault.key);
         KeyError { key: name.map_or(key.clone(), |name| format!("{key} ({} `{name}`)", self.one)), ..fault }
@@ -625,7 +627,7 @@ fn each<T>(named: &Named, tables: Vec<Table>, read: impl Fn(Table) -> Result<T, 
     tables.into_iter().enumerate().map(read).collect()
 }
 
-/// Checks that kernels cover an ephemeris at a moment. The error gives the reason, and the times that they cover.
+/// Checks that kernels cover an ephemeris at a time. The error gives the reason, and the times that they cover.
 pub(crate) fn check_place(of: Ephemeris, kernels: Option<&Kernels>, moment: &Moment) -> Result<(), String> {
     let Ephemeris::Spk(number) = of else { return Ok(()) };
     moment.place(of, kernels)?;
@@ -634,7 +636,7 @@ pub(crate) fn check_place(of: Ephemeris, kernels: Option<&Kernels>, moment: &Mom
         None => Ok(()),
         Some(covered_s) => {
             let [first, last] = covered_s.map(crate::calendar::written);
-            Err(format!("{of}: scene.time is not among the times of its kernel: {first} to {last} (TDB)"))
+            Err(format!("{of}: scene.time is outside the times that its kernel covers: {first} to {last} (TDB)"))
         }
     }
 }

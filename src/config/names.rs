@@ -1,9 +1,9 @@
 //! Names of views, which become names of files.
 
-/// Names that Windows keeps for devices, also with an ending.
+/// Names that Windows reserves for devices, also if they have an extension.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// Whether Windows keeps a name for a device.
+/// Whether Windows reserves a name for a device.
 fn is_device(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     let is_port = |kind: &str| {
@@ -13,13 +13,13 @@ fn is_device(name: &str) -> bool {
     DEVICES.contains(&name.as_str()) || is_port("com") || is_port("lpt")
 }
 
-/// Names of which some file systems cannot have files next to those of the names before, each with its index and the reason.
+/// Returns the names that some file systems cannot use for files in the same folder as those of earlier names, each with its index and the reason.
 pub(super) fn faults_in_files(names: &[&str]) -> Vec<(usize, String)> {
     let fault = |(index, name): (usize, &&str)| {
         if is_device(name) {
             return Some((
                 index,
-                "Windows keeps this name for a device: it cannot have a file of this name".to_owned(),
+                "Windows reserves this name for a device: it cannot have a file with this name".to_owned(),
             ));
         }
         let twin = names[..index].iter().position(|before| before.eq_ignore_ascii_case(name))?;

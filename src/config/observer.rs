@@ -26,12 +26,12 @@ pub struct ObserverConfig {
     /// Longitude, east positive.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub longitude_deg: f64,
-    // From the deepest places to far above the air.
+    // The range is from the deepest places to far above the air.
     /// Height above the ellipsoid.
     #[serde(default)]
     #[schemars(range(min = -12_000.0, max = 1e6), extend("x-unit" = "m"))]
     pub height_m: f64,
-    /// Azimuth of the direction that the camera looks to, from north through east; 180 (south) by default.
+    /// Azimuth of the direction of the camera, from north through east; 180 (south) by default.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub azimuth_deg: Option<f64>,
     /// Altitude of that direction; 0 (the horizon) by default.
@@ -40,9 +40,10 @@ pub struct ObserverConfig {
     /// Angle by which the top of the picture is turned to the left; 0 by default.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub roll_deg: Option<f64>,
-    /// A direction in another frame, or a body, instead of these keys. A body without a frame is followed in the horizon frame.
+    /// A direction in another frame, or a body, instead of these keys. The camera follows a body in the horizon frame, unless `look` names another
+    /// frame.
     pub look: Option<Look>,
-    /// UT1 - UTC as the IERS has measured it: 0.1 s turns the sky by 1.5 arcseconds. Before 1972 UT1 less civil time.
+    /// UT1 - UTC as the IERS has measured it: 0.1 s turns the sky by 1.5 arcseconds. Before 1972 it is UT1 minus civil time.
     #[serde(default)]
     #[schemars(range(min = -1.0, max = 1.0), extend("x-unit" = "s"))]
     pub ut1_minus_utc_s: f64,
@@ -67,13 +68,14 @@ impl ObserverConfig {
         }
     }
 
-    /// The air and the ground around it, if it has any. Files are read from paths that start at `folder`; a fault names the key below `scene.observer`.
+    /// Returns the air and the ground around the observer, if there are any. Files are read from paths relative to `folder`; an error names the key
+    /// below `scene.observer`.
     pub(super) fn surroundings(&self, folder: &Path) -> Result<Option<Surroundings>, KeyError> {
         let landscape = self.ground.landscape(folder).map_err(|fault| fault.within("ground"))?;
         Ok(self.surroundings_with(landscape.map(Arc::new)))
     }
 
-    /// The air and the ground around it, if it has any, with a landscape that has been read.
+    /// Returns the air and the ground around the observer, if there are any, with a landscape that has been read.
     pub fn surroundings_with(&self, landscape: Option<Arc<Landscape>>) -> Option<Surroundings> {
         let (air, refraction) = (self.air.air(self.height_m), self.refracting());
         let dip_rad = dip_rad(self.height_m, refraction.as_ref());
@@ -81,7 +83,7 @@ impl ObserverConfig {
         (surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings)
     }
 
-    /// Checks place, clock, air and ground by the rules of configurations. The error names the key, from `observer` on, and the valid values.
+    /// Checks place, clock, air and ground by the rules of configurations. The error names the key, beginning with `observer`, and the valid values.
     pub fn check(&self) -> Result<(), String> {
         let written = |KeyError { key, problem }: KeyError| format!("{}: {problem}", key.trim_start_matches("scene."));
         let own = toml::Value::try_from(self).map_err(|error| format!("observer: {error}"))?;
@@ -89,7 +91,7 @@ impl ObserverConfig {
         self.check_surroundings().map_err(|fault| written(fault.within("observer")))
     }
 
-    /// Checks the rules beyond types and ranges; a fault names the key below `scene.observer`.
+    /// Checks the rules beyond types and ranges; an error names the key below `scene.observer`.
     pub(super) fn check_surroundings(&self) -> Result<(), KeyError> {
         self.ground.check().map_err(|fault| fault.within("ground"))?;
         self.air.check(self.height_m).map_err(|fault| fault.within("air"))
@@ -100,7 +102,7 @@ impl ObserverConfig {
         self.air.refracting(self.height_m)
     }
 
-    /// The direction of the camera; a fault names the key below `scene.observer`.
+    /// The direction of the camera; an error names the key below `scene.observer`.
     pub(super) fn aim(&self) -> Result<Aim, KeyError> {
         let given =
             [("azimuth_deg", self.azimuth_deg), ("altitude_deg", self.altitude_deg), ("roll_deg", self.roll_deg)];

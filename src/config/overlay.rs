@@ -16,7 +16,7 @@ use crate::scene::overlay::{
     Anchor, Colour, Grid, Label, Lists, Overlay, PICTURE_WIDTHS_DEG, Picture, PictureLevels, SIZES_PX, Trajectory,
 };
 
-/// `[overlay]`: lines and text over display images, never in light.
+/// `[overlay]`: lines and text over display images. They never change the light of HDR images.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OverlayConfig {
@@ -63,7 +63,7 @@ pub struct LabelConfig {
     #[serde(default = "label_size_px")]
     #[schemars(range(min = SIZES_PX[0], max = SIZES_PX[1]), extend("x-unit" = "pixels"))]
     pub size_px: f64,
-    /// Share of the background that it replaces, in linear light.
+    /// Share of the background that the text replaces, in linear light.
     #[serde(default = "one")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub opacity: f64,
@@ -118,7 +118,8 @@ impl LabelConfig {
     fn label(&self) -> Result<Label, KeyError> {
         let anchor = anchor([self.ra_deg, self.dec_deg], [self.azimuth_deg, self.altitude_deg], self.position_m)
             .ok_or_else(|| {
-                let problem = "exactly one is needed: ra_deg and dec_deg, azimuth_deg and altitude_deg, or position_m";
+                let problem =
+                    "exactly one is required: ra_deg and dec_deg, azimuth_deg and altitude_deg, or position_m";
                 KeyError::new("position_m", problem)
             })?;
         Ok(Label {
@@ -132,7 +133,7 @@ impl LabelConfig {
     }
 }
 
-/// The anchor that exactly one of three forms gives: right ascension and declination, azimuth and altitude, degrees, or a point, m.
+/// Returns the anchor if exactly one of three forms is given: right ascension and declination, degrees; azimuth and altitude, degrees; or a point, m.
 fn anchor(sky: [Option<f64>; 2], horizon: [Option<f64>; 2], position_m: Option<[f64; 3]>) -> Option<Anchor> {
     let radians = |[first, second]: [f64; 2]| [first.to_radians(), second.to_radians()];
     match (sky, horizon, position_m) {
@@ -149,11 +150,11 @@ fn anchor(sky: [Option<f64>; 2], horizon: [Option<f64>; 2], position_m: Option<[
 }
 
 impl PictureConfig {
-    /// The picture, whose path starts at `folder`; `None`: with a single texel instead of its file.
+    /// The picture, whose path is relative to `folder`; with `None`, the picture has a single texel and its file is not read.
     fn picture(&self, folder: Option<&Path>) -> Result<Picture, KeyError> {
         let anchor =
             anchor([self.ra_deg, self.dec_deg], [self.azimuth_deg, self.altitude_deg], None).ok_or_else(|| {
-                KeyError::new("ra_deg", "exactly one is needed: ra_deg and dec_deg, or azimuth_deg and altitude_deg")
+                KeyError::new("ra_deg", "exactly one is required: ra_deg and dec_deg, or azimuth_deg and altitude_deg")
             })?;
         let levels = match folder {
             Some(folder) => PictureLevels::from_png(&folder.join(&self.file)),
@@ -172,14 +173,14 @@ impl PictureConfig {
 }
 
 impl OverlayConfig {
-    /// Whether it has nothing that display images show; test patterns are keys of views.
+    /// Whether it adds nothing to display images. Test patterns are not counted: they are keys of views.
     pub fn is_empty(&self) -> bool {
         let Self { pictures, grids, trajectories, labels, cardinal_points } = self;
         pictures.is_empty() && grids.is_empty() && trajectories.is_empty() && labels.is_empty() && !cardinal_points
     }
 
-    /// The overlay, with test patterns in the views of these names and files whose paths start at `folder` (`None`: no file is read); a fault
-    /// names the key below `overlay`.
+    /// Returns the overlay, with test patterns in the views with these names. Paths of files are relative to `folder` (`None`: no file is read); an
+    /// error names the key below `overlay`.
     pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: Option<&Path>) -> Result<Overlay, KeyError> {
         fn all<T, U>(list: Lists, from: &[T], make: impl Fn(&T) -> Result<U, KeyError>) -> Result<Vec<U>, KeyError> {
             let make = |(index, one): (usize, &T)| {

@@ -1,9 +1,9 @@
-//! Overrides: `--set key=value` changes a configuration between its text and its meaning, so that an override is checked
-//! exactly as the file is.
+//! Overrides: `--set key=value` changes the tables of a configuration before they are interpreted, so that an override is checked exactly as the file
+//! is.
 //!
-//! The key is a dotted path. An element of a list is named by its index from 0, a view also by its name (which goes
-//! first, should a name be a number): `exposure.ev100=2`, `views.dome.fov_deg=210`, `scene.catalogues.0=my.csv`. The
-//! value is TOML; text that is not a TOML value, and does not begin like one, is a string.
+//! The key is a dotted path. An element of a list is named by its index from 0. A view can also be named by its name, which takes precedence if it is
+//! a number: `exposure.ev100=2`, `views.dome.fov_deg=210`, `scene.catalogues.0=my.csv`. The value is TOML; text that is not a TOML value, and does
+//! not begin like one, is a string.
 
 use toml::{Table, Value};
 
@@ -13,7 +13,7 @@ use super::error::ConfigError;
 pub(super) struct Applied {
     /// The override as given.
     pub argument: String,
-    /// The path of the key it set, as messages write it: `views[0].fov_deg`.
+    /// The path of the key that it set, in the form of messages: `views[0].fov_deg`.
     pub key: String,
 }
 
@@ -47,7 +47,7 @@ fn value_from(text: &str) -> Result<Value, String> {
     }
 }
 
-/// Puts the value where the steps lead and returns the path as messages write it.
+/// Sets the value at the path given by the steps, and returns the path in the form of messages.
 fn set(table: &mut Table, steps: &[&str], value: Value) -> Result<String, String> {
     let mut written = steps[0].to_owned();
     let mut place: &mut Value = table.entry(steps[0]).or_insert_with(|| Value::Table(Table::new()));
@@ -105,7 +105,7 @@ mod tests {
             "scene.catalogues.1.galaxy.stars=6",
         ]
         .map(|argument| apply(&mut table, argument).unwrap().key);
-        // The view named `0` goes before the view with index 0.
+        // The view named `0` takes precedence over the view with index 0.
         assert_eq!(
             keys,
             [

@@ -1,4 +1,4 @@
-//! `type = "projector"`: a projector's raster, from the calibration of its installer. [`super::dome`] has the rules that tie projectors together.
+//! `type = "projector"`: a projector's raster, from the calibration of its installer. [`super::dome`] has the rules that involve several projectors.
 
 use std::{
     path::{Path, PathBuf},
@@ -26,9 +26,9 @@ pub enum RowsConfig {
     /// As defined by the format.
     #[default]
     AsFormat,
-    /// The first row of the file is the top one of the raster.
+    /// The first row of the file is the top row of the raster.
     TopFirst,
-    /// The first row of the file is the bottom one of the raster.
+    /// The first row of the file is the bottom row of the raster.
     BottomFirst,
 }
 
@@ -46,10 +46,11 @@ impl From<RowsConfig> for RowOrder {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ProjectorMethod {
-    /// Everything is drawn straight into the projector's pixels.
+    /// Everything is drawn directly into the projector's pixels.
     #[default]
     Direct,
-    /// A flat picture that covers its field (a round one if the field is too wide) is drawn and bent as a texture, as other programs do, for comparison.
+    /// A flat picture that covers the projector's field of view (a round one if the field is too wide) is drawn, and then warped as a texture. Other
+    /// programs do this; it is available for comparison.
     Resampled,
 }
 
@@ -72,12 +73,12 @@ pub enum BlendConfig {
 pub struct ProjectorConfig {
     /// The calibration: `.mpcdi`, SGCT's JSON, meshes, or directions as `.pfm` or `.exr`; the content determines the format.
     pub file: PathBuf,
-    /// Name of a region, needed if the file has several; the error lists them.
+    /// Name of a region, required if the file has several. The error without it lists them.
     pub region: Option<String>,
     /// How the picture is made.
     #[serde(default)]
     pub method: ProjectorMethod,
-    /// `resampled`: pixels of the flat picture along a mean pixel of the projector; 1 if it is not given.
+    /// `resampled`: number of pixels of the flat picture along a mean pixel of the projector; 1 by default.
     #[schemars(range(min = 0.25, max = 4.0))]
     pub source_scale: Option<f64>,
     /// Width and height of the raster, at least 2 each, if the file does not give them.
@@ -91,7 +92,7 @@ pub struct ProjectorConfig {
     /// Position of the spectator in the units and axes of the dome, m.
     #[serde(default)]
     pub eye_m: [f64; 3],
-    /// Field of view of the fisheye that a mesh takes its picture from.
+    /// Field of view of the fisheye picture that a mesh samples.
     #[serde(default = "half_turn_deg")]
     #[schemars(range(max = 360.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
     pub fov_deg: f64,
@@ -99,18 +100,19 @@ pub struct ProjectorConfig {
     #[serde(default)]
     #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub tilt_deg: f64,
-    /// Its share of the light.
+    /// Source of the projector's share of the light.
     #[serde(default)]
     pub blend: BlendConfig,
-    /// Its light is the code to this power. Absent: it follows the sRGB curve.
+    /// Exponent of the projector's response: its light is the code to this power. Absent: it follows the sRGB curve.
     #[schemars(range(min = 1.0, max = 4.0))]
     pub gamma: Option<f64>,
-    /// A look-up table (`.cube`) for its codes, instead of that of the file.
+    /// A look-up table (`.cube`) for the projector's codes, instead of that of the calibration file.
     pub lut: Option<PathBuf>,
-    /// Luminance of its white on the dome, as measured: all projectors are dimmed to the darkest one, each by one factor.
+    /// Measured luminance of the projector's white on the dome. All projectors are dimmed to the darkest one, each by one factor.
     #[schemars(range(min = 1e-3, max = 1e6), extend("x-unit" = "cd/m^2"))]
     pub white_cd_m2: Option<f64>,
-    /// Luminance of its black on the dome, for `blend = "computed"`: black is lifted to the level where most projectors overlap.
+    /// Luminance of the projector's black on the dome, for `blend = "computed"`. Black is raised everywhere to the level of the place where most
+    /// projectors overlap.
     #[schemars(range(min = 0.0, max = 1e6), extend("x-unit" = "cd/m^2"))]
     pub black_cd_m2: Option<f64>,
     #[serde(skip)]
@@ -121,7 +123,7 @@ fn half_turn_deg() -> f64 {
     180.0
 }
 
-/// How messages on warps without an inverse begin.
+/// Beginning of messages about warps without an inverse.
 pub(super) const FOLDS: &str = "the warp folds";
 
 /// Result of reading and baking, which takes seconds and is done once.
@@ -136,14 +138,14 @@ struct Calibrated {
 }
 
 impl PartialEq for Loaded {
-    /// It is a function of the keys.
+    /// Always equal, because the result is a function of the keys.
     fn eq(&self, _: &Self) -> bool {
         true
     }
 }
 
 impl ProjectorConfig {
-    /// The view's kind. `folder` is where relative paths start; the calibration is read and its table made by the first call.
+    /// Returns the kind of the view. Relative paths refer to `folder`. The first call reads the calibration and makes its table.
     pub(super) fn kind(&self, folder: &Path) -> Result<ViewKind, KeyError> {
         self.calibrated(folder).map(|calibrated| calibrated.kind)
     }
@@ -181,7 +183,7 @@ impl ProjectorConfig {
             Err(regions) => {
                 let names: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
                 let problem =
-                    format!("{} has {} regions, one is needed: {}", path.display(), names.len(), names.join(", "));
+                    format!("{} has {} regions; name one of them: {}", path.display(), names.len(), names.join(", "));
                 return Err(KeyError::new("region", problem));
             }
         };

@@ -1,8 +1,8 @@
 //! The reference of all keys, generated from the types of the configuration: a JSON Schema for editors and a page for people,
 //! `docs/steradian.schema.json` and `docs/configuration.md`.
 //!
-//! Keys, types, defaults, ranges and texts come from the types by `schemars` (texts are the doc comments), units from the endings of the
-//! keys or from the ranges. Rules that tie several keys together are not in the schema; the parser knows them.
+//! Keys, types, defaults, ranges and texts come from the types by `schemars` (texts are the doc comments), units from the endings of the keys or from
+//! the ranges. Rules that involve several keys are not in the schema; the parser checks them.
 
 use schemars::{Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
@@ -14,7 +14,7 @@ use crate::ranges::{Range, number, schema_of};
 use crate::scene::bodies::BRIGHTEST_ALBEDO;
 use crate::solar_system::SolarBody;
 
-/// Order of the sections on the page; a test holds it complete.
+/// Order of the sections on the page; a test checks that it is complete.
 const SECTIONS: [&str; 16] = [
     "scene",
     "views",
@@ -59,7 +59,7 @@ const UNITS: [(&str, &str); 21] = [
     ("size", "pixels"),
 ];
 
-/// Sections that views may have as tables too; keys that a view does not give are those of the section.
+/// Sections that views may also have as tables; the section gives the keys that a view does not give.
 const OF_VIEWS: [&str; 3] = ["exposure", "glare", "tone_map"];
 
 /// Schema of an albedo: one number, or one for each of red, green and blue.
@@ -216,10 +216,10 @@ const HEAD: &str = "# Configuration
 
 <!-- Generated from the types: `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` -->
 
-Configurations are TOML. Unknown keys and values out of range are refused with file, key and what is allowed. Keys that have no effect with the
+Configurations are TOML. Unknown keys and values out of range are refused with file, key and valid values. Keys that have no effect with the
 other keys are refused too, such as `tone_map.peak_cd_m2` with `operator = \"filmic\"`. Those that clients can put into effect at run time are kept, and
 a warning names them: the tables of star methods, `glare.psf_file`, `glare.weights`, and the keys of air and ground with `enabled = false`. All sections and,
-unless a dash stands in the column *default*, all keys may be left out. Paths of files are relative to the folder of the
+unless the column *default* has a dash, all keys may be left out. Paths of files are relative to the folder of the
 configuration. `--set key=value` overrides a key for one run; an element of a list is named by its index or, if it has one, its
 name: `--set views.dome.tilt_deg=15`, `--set scene.catalogues.0=my.csv`.
 
@@ -239,16 +239,16 @@ fn properties(schema: &Value) -> Map<String, Value> {
 /// The page under construction.
 struct Page {
     text: String,
-    /// Headings and keys of the tables so far: a table with the same keys is not written again.
+    /// Headings and keys of the tables so far. A table with the same keys is not written again.
     printed: Vec<(String, Map<String, Value>)>,
 }
 
 impl Page {
-    /// The keys of a table and of the tables below it; `path` is that of the ranges.
+    /// Writes the keys of a table and of the tables below it; `path` is the path used for ranges.
     fn table(&mut self, heading: &str, path: &str, schema: &Value) {
         self.text.push_str(&format!("\n## {heading}\n"));
         let text = schema["description"].as_str().unwrap_or_default();
-        // Without the name of the table, with which the text of a type begins: "`[stars]`: how stars are drawn.".
+        // Remove the name of the table, with which the text of a type begins: "`[stars]`: how stars are drawn.".
         let text = if text.starts_with("`[") { text.split_once("`: ").map_or("", |(_, text)| text) } else { text };
         if !text.is_empty() {
             self.text.push_str(&format!("\n{text}\n"));
@@ -325,7 +325,7 @@ fn list(values: &[Value]) -> String {
     values.iter().map(|value| format!("`{}`", toml_value(value))).collect::<Vec<_>>().join(", ")
 }
 
-/// The range of a number, of the elements of a list, or of the first of several forms.
+/// The range of a number, of the elements of a list, or of the first form that has one.
 fn range_of(schema: &Value) -> Option<Range> {
     let first = || schema["anyOf"].as_array()?.iter().find_map(range_of);
     Range::of_schema(schema).or_else(|| range_of(schema.get("items")?)).or_else(first)

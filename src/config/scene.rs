@@ -37,16 +37,18 @@ pub struct SceneConfig {
     /// Seconds of the scene per real second in `serve`, `show` and `xr`; negative: backwards. The default is 1 with `time = "now"`, otherwise 0.
     #[schemars(range(min = -SceneClock::MOST_RATE, max = SceneClock::MOST_RATE))]
     pub time_rate: f64,
-    /// A place on the Earth from where the scene is seen.
+    /// An observer on the Earth, from whose place the scene is seen.
     pub observer: Option<ObserverConfig>,
     /// SPK kernels of the SPICE toolkit for bodies with `ephemeris = "spk:NUMBER"`; later files take precedence. They are held in memory.
     pub kernels: Vec<PathBuf>,
-    /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, at their places at the scene's time; by default if there is an observer. Bodies of the same name, preset or
-    /// ephemeris replace them.
+    /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, at their places at the scene's time. This is the default
+    /// if there is an observer. Bodies of the same name, preset or ephemeris replace them.
     pub solar_system: Option<bool>,
-    /// Whether the zodiacal light and the gegenschein are drawn, as seen from the Earth; by default if there are an observer and the Solar System, which they require.
+    /// Whether the zodiacal light and the gegenschein are drawn, as seen from the Earth. They require an observer and the Solar System, and are drawn
+    /// by default if both are present.
     pub zodiacal_light: Option<bool>,
-    /// Whether ten variable stars of `builtin:bright`, such as Algol, delta Cephei and Mira, have the brightness of the scene's time, see [catalogues.md](catalogues.md#variable-stars).
+    /// Whether ten variable stars of `builtin:bright`, such as Algol, delta Cephei and Mira, have their brightness at the scene's time, see
+    /// [catalogues.md](catalogues.md#variable-stars).
     pub variable_stars: bool,
     /// Initial camera pose and velocity.
     pub camera: CameraConfig,
@@ -68,7 +70,7 @@ impl Default for SceneConfig {
     }
 }
 
-/// Replaces `scene.time = "now"` by the present time, with a time rate of 1, so that the configuration that was used can be used again.
+/// Replaces `scene.time = "now"` by the current time, with a default time rate of 1, so that the same pictures can be made again.
 pub(super) fn set_now(document: &mut Table, now: SystemTime) {
     let Some(scene) = document.get_mut("scene").and_then(Value::as_table_mut) else { return };
     if scene.get("time").and_then(Value::as_str) != Some("now") {
@@ -102,7 +104,8 @@ pub enum CatalogueConfig {
     Named(String),
 }
 
-/// A map of light that does not come from single stars, instead of that of the galaxy: HEALPix cells in a FITS file, nested or in rings, in celestial or galactic coordinates. Cells without a value (UNSEEN) give no light.
+/// A map of light that does not come from single stars. It replaces the map of the synthetic galaxy. The file is a FITS file of HEALPix cells, nested
+/// or in rings, in celestial or galactic coordinates. Cells without a value (UNSEEN) give no light.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightConfig {
@@ -110,7 +113,7 @@ pub struct LightConfig {
     pub file: PathBuf,
     /// Unit of the numbers.
     pub unit: LightUnit,
-    /// Colour of all of it: that of a star of this B-V, magnitudes.
+    /// Colour of the whole map: that of a star with this B-V, magnitudes.
     #[serde(default = "background_b_v")]
     #[schemars(range(min = -0.5, max = 3.0), extend("x-unit" = "magnitudes"))]
     pub b_v: f64,
@@ -133,7 +136,7 @@ fn background_b_v() -> f64 {
 }
 
 impl LightConfig {
-    /// The map, whose path starts at `folder`.
+    /// The map, whose path is relative to `folder`.
     pub(super) fn map(&self, folder: &Path) -> LightMap {
         let unit = match self.unit {
             LightUnit::CdM2 => BrightnessUnit::Luminance,
@@ -215,7 +218,7 @@ impl From<&Camera> for CameraConfig {
 }
 
 impl CameraConfig {
-    /// The direction that `look` gives; a fault names the key below `scene.camera`.
+    /// Returns the direction that `look` gives; an error names the key below `scene.camera`.
     fn aim(&self) -> Result<Option<Aim>, KeyError> {
         let Some(look) = &self.look else { return Ok(None) };
         if self.orientation.is_some() {
@@ -229,7 +232,7 @@ impl CameraConfig {
         Ok(Some(aim))
     }
 
-    /// The camera at a position with an orientation; a fault names the key below `scene.camera`.
+    /// The camera at a position with an orientation; an error names the key below `scene.camera`.
     pub(super) fn camera(&self, position_m: Option<DVec3>, turned: Option<DQuat>) -> Result<Camera, KeyError> {
         let position_m = position_m.map_or(self.position_m.unwrap_or_default(), |place_m| place_m.to_array());
         let orientation = turned.unwrap_or_default().to_array();
@@ -247,13 +250,13 @@ impl CameraConfig {
 }
 
 impl SceneConfig {
-    /// Checks the rules beyond types and ranges; a fault names the key below `scene`.
+    /// Checks the rules beyond types and ranges; an error names the key below `scene`.
     pub(super) fn check(&self) -> Result<(), KeyError> {
         if let Some(observer) = &self.observer {
             observer.check_surroundings().map_err(|fault| fault.within("observer"))?;
         }
         if self.observer.is_some() && self.camera != CameraConfig::default() {
-            let problem = "scene.observer is given too, which places and directs the camera: give only one of them";
+            let problem = "scene.observer is given too, and determines the camera's position and direction: give only one of them";
             return Err(KeyError::new("camera", problem));
         }
         if self.zodiacal_light == Some(true) && !self.may_have_zodiacal_light() {
@@ -275,7 +278,7 @@ impl SceneConfig {
         self.time.time_s()
     }
 
-    /// The direction of the camera, if it is given by a direction or a body; a fault names the key below `scene`.
+    /// The direction of the camera, if it is given by a direction or a body; an error names the key below `scene`.
     pub(super) fn aim(&self) -> Result<Option<Aim>, KeyError> {
         match &self.observer {
             Some(observer) => observer.aim().map(Some).map_err(|fault| fault.within("observer")),

@@ -19,21 +19,21 @@ const MOST_NAME: usize = 64;
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerConfig {
-    /// Address to listen on: `host:port`, port 0 selects a free one, or `unix:PATH`. Anything but a Unix socket and the loopback address needs `tls`, and
-    /// `tokens` or `certificates`.
+    /// Address to listen on: `host:port`, where port 0 selects a free one, or `unix:PATH`. Any address other than a Unix socket or the loopback
+    /// address requires `tls`, and either `tokens` or `certificates`.
     #[serde(deserialize_with = "address")]
     pub listen: String,
-    /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses: others are refused, and so are pages of
-    /// other sites.
+    /// Host names, without ports, by which clients may call the daemon, in addition to `localhost` and IP addresses. Requests with other names, and
+    /// those from pages of other sites, are refused.
     pub hosts: Vec<String>,
-    /// File in which changes by clients are kept, on disk before they are acknowledged: the daemon goes on with them when it is started again. Absent:
-    /// they are lost at its end.
+    /// File in which changes by clients are kept. They are on disk before they are acknowledged, and the daemon continues with them when it is
+    /// restarted. Absent: they are lost when the daemon ends.
     pub state: Option<PathBuf>,
     /// Encrypts connections.
     pub tls: Option<TlsConfig>,
     /// Tokens that give access. With tokens or `certificates`, access without them is refused, except through a Unix socket.
     pub tokens: Vec<TokenConfig>,
-    /// Whom a client certificate lets in.
+    /// Client certificates that give access.
     pub certificates: Vec<CertificateConfig>,
 }
 
@@ -41,11 +41,11 @@ pub struct ServerConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TlsConfig {
-    /// The daemon's certificate and those between it and its authority, PEM.
+    /// The daemon's certificate and the intermediate certificates, PEM.
     pub certificate: PathBuf,
-    /// Its private key, PEM.
+    /// The daemon's private key, PEM.
     pub key: PathBuf,
-    /// Certificates of the authorities that sign those of clients, PEM. Absent: clients have none.
+    /// Certificates of the authorities that sign client certificates, PEM. Absent: clients have no certificates.
     pub client_ca: Option<PathBuf>,
 }
 
@@ -127,7 +127,7 @@ impl<'de> Deserialize<'de> for Sha256Hex {
             .map(|digits| digits.chunks(2).map(|pair| pair.iter().fold(0, |sum, digit| 16 * sum + digit)).collect());
         let bytes = pairs.filter(|_| text.len() == 64).and_then(|bytes| bytes.try_into().ok());
         bytes.map(Self).ok_or_else(|| {
-            D::Error::custom("needed are the 64 hexadecimal digits of a SHA-256, as `steradian token` prints them, and never the token itself")
+            D::Error::custom("must be the 64 hexadecimal digits of a SHA-256, as `steradian token` prints them, and never the token itself")
         })
     }
 }
@@ -150,8 +150,8 @@ fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Erro
     parse_listen(&text).map_err(D::Error::custom)
 }
 
-/// Checks that `text` is a host with a port, or the path of a socket; the host itself is looked up when the daemon starts. The error says what is
-/// allowed.
+/// Checks that `text` is a host with a port, or the path of a socket; the host itself is looked up when the daemon starts. The error gives
+/// valid examples.
 pub fn parse_listen(text: &str) -> Result<String, String> {
     if let Some(path) = text.strip_prefix(UNIX_PREFIX) {
         return match path {
@@ -170,7 +170,7 @@ pub fn parse_listen(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// Checks the name of a holder; the error states what is valid.
+/// Checks the name of a holder; the error states the valid names.
 pub(crate) fn check_holder(name: &str) -> Result<(), String> {
     if !name.is_empty() && name.chars().count() <= MOST_NAME && hidden_character(name).is_none() {
         return Ok(());
@@ -179,7 +179,8 @@ pub(crate) fn check_holder(name: &str) -> Result<(), String> {
     Err(format!("`{name}`: must have between 1 and {MOST_NAME} characters, without control and format characters"))
 }
 
-/// Why no client can call the daemon by this name; `None`: some can. Clients write names of other scripts in the form `xn--...`.
+/// Returns the reason why no client can call the daemon by this name; `None`: the name is possible. Clients write names in other scripts in the form
+/// `xn--...`.
 fn host_fault(host: &str) -> Option<&'static str> {
     let is_label = |label: &str| {
         let is_known = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -219,7 +220,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
     for (key, name) in tokens.chain(certificates) {
         check_holder(name).map_err(|problem| KeyError::new(&key, problem))?;
         if known.contains(&name) {
-            return Err(KeyError::new(&key, format!("`{name}` is the name of another one: names must be unique")));
+            return Err(KeyError::new(&key, format!("another entry has the name `{name}`: names must be unique")));
         }
         known.push(name);
     }
@@ -229,7 +230,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
     if let Some(index) = twin {
         return Err(KeyError::new(
             format!("tokens[{index}].sha256"),
-            "this is another one's token: each needs its own".to_owned(),
+            "another entry has the same token: each entry needs its own".to_owned(),
         ));
     }
     Ok(())

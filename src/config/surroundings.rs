@@ -22,12 +22,12 @@ use crate::scene::{
 
 /// Colour temperature of the night sky, whose light comes mostly from the Sun and stars, K: measured B - V is 0.7 to 1.
 const GLOW_K: f64 = 5772.0;
-/// Above this height no air is drawn, m: there the zenith has 1 cd/m^2 by day, and the standard atmosphere ends.
+/// Above this height no air is drawn, m. At this height the zenith has 1 cd/m^2 by day, and the standard atmosphere ends.
 const HIGHEST_M: f64 = 50_000.0;
-/// Points of a horizon at most.
+/// Maximum number of points of a horizon.
 pub const MOST_POINTS: usize = 10_000;
 
-/// The air: it absorbs light, more of it near the horizon, refracts it, and scatters that of the Sun and the Moon.
+/// The air. It absorbs light, more of it near the horizon, refracts light, and scatters the light of the Sun and the Moon.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AirConfig {
@@ -51,12 +51,15 @@ pub struct AirConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GroundConfig {
-    /// Whether there is ground. Without it the sky below the horizon mirrors that above it: stars, planets and the Moon are visible, a Sun that has set is not.
+    /// Whether there is ground. Without it the sky below the horizon mirrors the sky above it; stars, planets and the Moon are visible below the
+    /// horizon, but a Sun that has set is not.
     pub enabled: bool,
-    /// Share of the light on it that it reflects.
+    /// Share of the incident light that the ground reflects.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub albedo: f64,
-    /// The horizon line, as pairs of azimuth, 0 to 360 in rising order, and altitude, -90 to 90; straight between them and around. Two points of one azimuth are a vertical wall; 360 closes the line with the altitude of 0. Empty: the horizon of the sea, below altitude 0 by its dip at the observer's height.
+    /// The horizon line, as pairs of azimuth, 0 to 360 in rising order, and altitude, -90 to 90; with straight lines between them, all the way
+    /// around. Two points with the same azimuth are a vertical wall. A point at 360 closes the line; it must have the altitude of the point at 0 if
+    /// there is one. Empty: the horizon of the sea, below altitude 0 by its dip at the observer's height.
     pub horizon_deg: Vec<[f64; 2]>,
     /// A panorama instead of that line: a PNG with alpha, twice as wide as high, azimuth growing to the right, the zenith at the top. Its colour is the reflectance, its alpha the opacity
     /// in front of the sky. Relative paths start at the configuration's folder.
@@ -79,7 +82,7 @@ impl Default for GroundConfig {
 }
 
 impl AirConfig {
-    /// Checks the rules beyond types and ranges, at a height, m; a fault names the key below `scene.observer.air`.
+    /// Checks the rules beyond types and ranges, at a height, m; an error names the key below `scene.observer.air`.
     pub(super) fn check(&self, height_m: f64) -> Result<(), KeyError> {
         if self.extinction_mag.is_some() && height_m > HIGHEST_M {
             let problem = format!("no air is drawn at a height of {height_m} m: leave the key out above {HIGHEST_M} m");
@@ -88,7 +91,7 @@ impl AirConfig {
         Ok(())
     }
 
-    /// Why a key has no effect at a height, m, although the air is turned on; `None` if it has one.
+    /// Returns the reason why a key has no effect at a height, m, although the air is turned on; `None` if it has an effect.
     pub(super) fn why_idle(&self, key: &str, height_m: f64) -> Option<String> {
         let is_of_air = ["night_sky_mag", "pressure_hpa", "temperature_c"].contains(&key);
         if is_of_air && height_m > HIGHEST_M {
@@ -128,14 +131,14 @@ impl AirConfig {
 }
 
 impl GroundConfig {
-    /// Checks the rules beyond types and ranges; a fault names the key below `scene.observer.ground`.
+    /// Checks the rules beyond types and ranges; an error names the key below `scene.observer.ground`.
     pub(super) fn check(&self) -> Result<(), KeyError> {
         if self.horizon_deg.len() > MOST_POINTS {
             let problem = format!("{} points: must be at most {MOST_POINTS}", self.horizon_deg.len());
             return Err(KeyError::new("horizon_deg", problem));
         }
         if self.landscape.is_some() && !self.horizon_deg.is_empty() {
-            let problem = "landscape is given too, whose alpha is the horizon: give at most one of them";
+            let problem = "landscape is given too, and its alpha is the horizon: give at most one of them";
             return Err(KeyError::new("horizon_deg", problem));
         }
         for (index, point) in self.horizon_deg.iter().enumerate() {
@@ -181,7 +184,7 @@ impl GroundConfig {
         }
     }
 
-    /// Reads the landscape, from a path that starts at `folder`, if there is ground; a fault names the key below `scene.observer.ground`.
+    /// Reads the landscape, from a path relative to `folder`, if there is ground; an error names the key below `scene.observer.ground`.
     pub(super) fn landscape(&self, folder: &Path) -> Result<Option<Landscape>, KeyError> {
         let read = |file: &PathBuf| Landscape::from_png(&folder.join(file), self.landscape_azimuth_deg.to_radians());
         let landscape = self.landscape.as_ref().filter(|_| self.enabled).map(read).transpose();
@@ -211,7 +214,7 @@ mod tests {
         assert!(check(&[]).is_ok() && check(&[[0.0, 90.0], [359.9, -90.0]]).is_ok());
         let wall = &[[0.0, 3.0], [60.0, 2.0], [90.0, 2.0], [90.0, 7.0], [120.0, 7.0]];
         assert!(check(wall).is_ok() && check(&[[0.0, 3.0], [180.0, 5.0], [360.0, 3.0]]).is_ok());
-        // Without a point of azimuth 0, one of 360 is the north.
+        // Without a point of azimuth 0, a point of azimuth 360 gives the north.
         assert!(check(&[[90.0, 3.0], [360.0, 4.0]]).is_ok() && check(&[[360.0, 1.0]]).is_ok());
         for (points, key, part) in [
             (&[[5.0, 1.0], [4.0, 2.0]][..], "horizon_deg[1]", "does not rise"),
@@ -242,7 +245,7 @@ mod tests {
             before = extinction_mag;
         }
         assert_eq!(AirConfig::default().extinction(HIGHEST_M + 1.0), None);
-        // A given extinction has no lower limit either, except that 0 is no air.
+        // A given extinction has no lower limit either, except that 0 means no air.
         let given = |mag: f64| AirConfig { extinction_mag: Some(mag), ..Default::default() }.extinction(0.0);
         assert_eq!([given(0.001), given(0.0)], [Some(0.001), None]);
     }

@@ -1,4 +1,4 @@
-//! Moments as configurations write them: dates of TOML, or text for years that TOML does not have and for Julian dates.
+//! Times in configurations: TOML dates, or text for years that TOML does not support and for Julian dates.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use toml::value::{Date, Datetime, Offset, Time};
 
 use crate::calendar::{self, DateTime};
 
-/// A moment and how it is written.
+/// A time, and the form in which it is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WrittenTime {
     time_s: f64,
@@ -23,8 +23,8 @@ enum Form {
 }
 
 impl WrittenTime {
-    /// The moment, s since 2000-01-01T12:00:00Z, rounded to microseconds: a date of TOML in the years 0 to 9999, otherwise text. `None`: a
-    /// scene may not have the moment.
+    /// Writes a time, s since 2000-01-01T12:00:00Z, rounded to microseconds: as a TOML date in the years 0 to 9999, otherwise as text. `None`: the
+    /// time is outside the range of a scene.
     pub fn new(time_s: f64) -> Option<Self> {
         calendar::check(time_s).ok()?;
         let written = DateTime::new(time_s)?;
@@ -38,7 +38,7 @@ impl WrittenTime {
         self.time_s
     }
 
-    /// As TOML has it: text with its quotation marks.
+    /// As TOML: text has quotation marks.
     pub fn to_toml(&self) -> String {
         match &self.form {
             Form::Date(date) => date.to_string(),
@@ -46,7 +46,7 @@ impl WrittenTime {
         }
     }
 
-    /// As a value of a TOML document.
+    /// As a value in a TOML document.
     pub(super) fn to_value(&self) -> toml::Value {
         match &self.form {
             Form::Date(date) => toml::Value::Datetime(*date),
@@ -76,10 +76,10 @@ impl fmt::Display for WrittenTime {
     }
 }
 
-/// A date as TOML has it; `None` beyond the years 0 to 9999, and for dates that name their calendar.
+/// Converts a date to TOML's type; `None` outside the years 0 to 9999, and for dates that must name their calendar.
 fn toml_date(DateTime { date: [year, month, day], time, microsecond }: &DateTime) -> Option<Datetime> {
     let small = |value: &i64| u8::try_from(*value).ok();
-    // Such a date has to name its calendar.
+    // A date that was left out of the calendar has to name its calendar.
     if calendar::is_left_out([*year, *month, *day]) {
         return None;
     }
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn times_count_from_noon_of_the_first_of_january_2000() {
-        // Unix times as `date -d` prints them, less 946,728,000.
+        // Unix times as printed by `date -d`, minus 946,728,000.
         for (text, unix_s) in [
             ("2000-01-01T12:00:00Z", 946_728_000.0),
             ("1970-01-01T00:00:00Z", 0.0),

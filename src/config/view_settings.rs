@@ -1,5 +1,5 @@
-//! The settings of views: their own `exposure`, `glare` and `tone_map` keys over the general tables, and the groups that share one exposure.
-//! A configuration is checked by this, and so is every later change by a client.
+//! The settings of views: the general tables, changed by the views' own `exposure`, `glare` and `tone_map` keys, and the groups that share one
+//! exposure. This module checks configurations, and also every later change by a client.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use toml::Value;
 
-/// Most letters in the name of a group, which clients may choose.
+/// Maximum number of letters in the name of a group, which clients may choose.
 const MOST_GROUP_LETTERS: usize = 64;
 
 /// An error in the settings of a view.
@@ -25,17 +25,17 @@ pub struct ViewSettingsError {
     pub view: usize,
     /// The key within the view.
     pub key: String,
-    /// What is wrong, and what is valid.
+    /// The problem, and the valid values.
     pub problem: String,
 }
 
-/// Checks the numbers of partial settings; a fault names the key below `name`.
+/// Checks the numbers of partial settings; an error names the key below `name`.
 fn check_numbers<T: Serialize + JsonSchema + 'static>(keys: &T, name: &str) -> Result<(), KeyError> {
     let table = Value::Table(table_of(keys).map_err(|fault| fault.within(name))?);
     ranges::check::<T>(&table).map_err(|error| error.within(name))
 }
 
-/// The settings of one view with its own exposure, whatever its group has.
+/// The settings of one view with its own exposure, regardless of its group.
 fn settings_alone(general: &RenderSettings, spec: &ViewSpec, folder: &Path) -> Result<ViewSettings, KeyError> {
     let mut settings = ViewSettings::general(general);
     if let Some(own) = &spec.exposure {
@@ -71,11 +71,11 @@ fn settings_alone(general: &RenderSettings, spec: &ViewSpec, folder: &Path) -> R
     Ok(settings)
 }
 
-/// The settings of every view. Relative paths start at `folder`.
+/// Returns the settings of every view. Relative paths refer to `folder`.
 ///
 /// # Errors
 ///
-/// The first key that has no effect or a value that is not valid, and an exposure that differs from that of an earlier view of the same group.
+/// The first key that has no effect or an invalid value, or an exposure that differs from that of an earlier view of the same group.
 pub fn resolve_views<'a>(
     general: &RenderSettings,
     views: impl IntoIterator<Item = &'a ViewSpec>,
@@ -86,7 +86,7 @@ pub fn resolve_views<'a>(
     let settings =
         specs.iter().enumerate().map(|(index, spec)| settings_alone(general, spec, folder).map_err(error(index)));
     let mut all: Vec<ViewSettings> = settings.collect::<Result<_, _>>()?;
-    // The first exposure in a group is that of all of its views.
+    // The first exposure given in a group applies to all views of the group.
     for index in 0..specs.len() {
         let group = all[index].group.clone();
         let gives_exposure = |view: &usize| all[*view].group == group && specs[*view].exposure.is_some();

@@ -1,7 +1,8 @@
 //! `[[views]]`: the specification of a view, in seven types.
 //!
-//! A [`ViewSpec`] is the one form of a view in configurations, in messages of clients and in state files. [`ViewSpec::view`] makes the rig's [`View`] of it,
-//! in radians. The keys of [`ViewSpec`] and of [`ViewGeometry`] are common to all types; the others belong to the type, and a key of another type is unknown.
+//! Configurations, messages of clients and state files all describe a view by a [`ViewSpec`]. [`ViewSpec::view`] converts it to a [`View`] of the
+//! rig, in radians. The keys of [`ViewSpec`] and of [`ViewGeometry`] are common to all types; the others belong to the type, and a key of another
+//! type counts as unknown.
 
 use std::path::Path;
 
@@ -21,7 +22,7 @@ use crate::scene::{PoseError, finite_vector, unit_quaternion};
 use crate::view::projection::{Face, FisheyeMapping, MAX_EDGE_DEG, ProjectionError};
 use crate::view::{Fov, MAX_EYE_OFFSET_M, Packing, RigError, View, ViewKind};
 
-/// Greatest length of a view's name, which becomes the name of files.
+/// Maximum length of a view's name, which becomes part of file names.
 const MOST_NAME: usize = 64;
 
 /// Names of the types, the values of `type`.
@@ -40,15 +41,15 @@ pub struct ViewSpec {
     pub geometry: ViewGeometry,
     /// Whether display images show a test pattern for aligning projectors.
     pub test_pattern: bool,
-    /// How the pictures of two eyes lie in the files of `render` and `film`.
+    /// Arrangement of the pictures of two eyes in the files of `render` and `film`.
     pub packing: PackingConfig,
     /// Name of a group of views that share one exposure: letters, digits, `_` and `-`.
     pub exposure_group: Option<String>,
-    /// Exposure of this view, or of its group; keys that are not given are those of the general table.
+    /// Exposure of this view, or of its group; the general table gives the missing keys.
     pub exposure: Option<ExposureKeys>,
-    /// Glare of this view; keys that are not given are those of the general table.
+    /// Glare of this view; the general table gives the missing keys.
     pub glare: Option<GlareKeys>,
-    /// Tone mapping of this view; keys that are not given are those of the general table.
+    /// Tone mapping of this view; the general table gives the missing keys.
     pub tone_map: Option<ToneMapKeys>,
 }
 
@@ -70,7 +71,7 @@ pub struct ViewGeometry {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum ViewKindSpec {
-    /// The program made the view from something that has no keys.
+    /// A view made by the program, without keys.
     #[default]
     #[serde(skip)]
     Custom,
@@ -117,7 +118,7 @@ pub struct FovSpec {
     pub down_deg: f64,
 }
 
-/// A flat (gnomonic) view: exactly one of `fov_y_deg` and `fov` is needed.
+/// A flat (gnomonic) view: exactly one of `fov_y_deg` and `fov` is required.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PerspectiveSpec {
@@ -228,16 +229,16 @@ pub struct EquirectangularSpec {
     pub size: [u32; 2],
 }
 
-/// How the pictures of two eyes lie in the files of `render` and `film`.
+/// Arrangement of the pictures of two eyes in the files of `render` and `film`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PackingConfig {
-    /// Each in its own file.
+    /// Each eye has its own file.
     #[default]
     None,
-    /// In one, the left eye's above the right eye's.
+    /// In one file, with the left eye's picture above the right eye's.
     TopBottom,
-    /// In one, the left eye's left of the right eye's.
+    /// In one file, with the left eye's picture to the left of the right eye's.
     SideBySide,
 }
 
@@ -262,17 +263,17 @@ impl ViewSpec {
         keys_of::<Self>()
     }
 
-    /// A view that the program made from something that has no keys.
+    /// Returns a view made by the program, without keys.
     pub fn custom(name: &str) -> Self {
         Self { name: name.to_owned(), ..Self::default() }
     }
 
-    /// Reads a view from a value with its keys, such as a message, and makes the rig's view of it. Settings of the view are checked together
+    /// Reads a view from a value with its keys, such as a message, and converts it to a view of the rig. Settings of the view are checked together
     /// with the general ones, by [`resolve_views`](super::resolve_views).
     ///
     /// # Errors
     ///
-    /// The first key that is unknown, missing, or has a value that is not valid.
+    /// The first key that is unknown, is missing or has an invalid value.
     pub fn from_keys(keys: &impl Serialize) -> Result<(Self, View), KeyError> {
         let spec = Self::from_table(table_of(keys)?)?;
         let view = spec.view(None)?;
@@ -293,12 +294,12 @@ impl ViewSpec {
     ///
     /// # Errors
     ///
-    /// The first key that is unknown, or has a value that is not valid.
+    /// The first key that is unknown or has an invalid value.
     pub fn settings_from_keys(keys: &impl Serialize) -> Result<Self, KeyError> {
         deserialise(Value::Table(table_of(keys)?), "")
     }
 
-    /// Checks the specification as if it had been read, and makes the rig's view of it.
+    /// Checks the specification as if it had been read, and converts it to a view of the rig.
     ///
     /// # Errors
     ///
@@ -307,8 +308,8 @@ impl ViewSpec {
         Self::from_keys(&self.table()?)
     }
 
-    /// A value that has the keys of the view, such as a message. Keys with their default values are left out, and so are those of
-    /// a geometry that only the program or the configuration can give.
+    /// Converts the view to another type with the same keys, such as a message. Keys with default values are left out. A geometry that only the
+    /// program or the configuration can give is left out too.
     ///
     /// # Errors
     ///
@@ -327,7 +328,7 @@ impl ViewSpec {
         Ok(table)
     }
 
-    /// Reads a view's table; a fault names the key within it.
+    /// Reads a view's table; an error names the key within it.
     pub(super) fn from_table(mut table: Table) -> Result<Self, KeyError> {
         let given = Value::Table(table.clone());
         let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
@@ -338,7 +339,8 @@ impl ViewSpec {
         Ok(spec)
     }
 
-    /// The rig's view; a fault names the key within the view. `folder` is where relative paths start; without one no file is read.
+    /// Converts the specification to a view of the rig; an error names the key within the view. Relative paths refer to `folder`; without a folder,
+    /// no file is read.
     pub(super) fn view(&self, folder: Option<&Path>) -> Result<View, KeyError> {
         if self.name.len() > MOST_NAME {
             let problem = format!("{} characters: must have at most {MOST_NAME}", self.name.len());
@@ -362,7 +364,7 @@ fn taken(table: &mut Table, keys: &[&str]) -> Value {
 }
 
 impl ViewGeometry {
-    /// Whether the type has keys that clients know: the geometry of a projector is a file, that of a view made by the program has none.
+    /// Whether clients know the keys of the type. They do not for a projector, whose geometry is a file, and a view made by the program has no keys.
     pub fn has_keys(&self) -> bool {
         !matches!(self.kind, ViewKindSpec::Custom | ViewKindSpec::Projector(_))
     }
@@ -411,7 +413,7 @@ fn check_keys(kind: &str, table: &Table) -> Result<(), KeyError> {
     }
 }
 
-/// Default of a key of a type of view, as the schema has it. All types have the same defaults of the keys that they share.
+/// Default of a key of a type of view, from the schema. Keys that several types share have the same default in all of them.
 fn default_of(kind: &str, key: &str) -> Option<Value> {
     let form = forms().find(|form| is_form_of(form, kind)).or_else(|| forms().next())?;
     Value::try_from(form["properties"][key].get("default").filter(|default| !default.is_null())?).ok()

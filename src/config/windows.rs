@@ -9,12 +9,12 @@ use super::overlay::OverlayConfig;
 use crate::ranges::KeyError;
 use crate::view::{Part, Rig, View, check_name};
 
-/// Most windows; each holds images on the adapter.
+/// Maximum number of windows; each holds images on the adapter.
 pub const MOST_WINDOWS: usize = 64;
 /// Largest coordinate and side of a window, pixels: X11 has 16 bits for them.
 const MOST_PX: i32 = 32_767;
 
-/// Which monitor a window is on.
+/// The monitor that a window is on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MonitorChoice {
     /// By a text of its EDID: `VENDOR-PRODUCT-SERIAL`, its name or its serial number.
@@ -89,7 +89,7 @@ impl<'de> Visitor<'de> for MonitorVisitor {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WindowFormat {
-    /// The bytes of the display image: 8 bits, sRGB.
+    /// The display image unchanged: 8 bits, sRGB.
     #[default]
     Srgb8,
     /// The same tone mapping with 10 bits, without dither.
@@ -131,7 +131,7 @@ pub struct WindowConfig {
     /// Whether images wait for the monitor's refresh.
     #[serde(default = "yes")]
     pub vsync: bool,
-    /// Whether the cursor is visible over it.
+    /// Whether the cursor is visible over the window.
     #[serde(default)]
     pub cursor: bool,
     /// Pixel format.
@@ -161,14 +161,14 @@ impl WindowConfig {
         }
     }
 
-    /// Its view and the image of it that it shows. `None`: there is none any more.
+    /// Returns the view and the image that the window shows; `None` if they no longer exist.
     pub fn image_of<'a>(&self, rig: &'a Rig) -> Option<(usize, &'a View, usize)> {
         let (number, view) = rig.views().iter().enumerate().find(|(_, view)| view.name == self.view)?;
         let image = view.images.iter().position(|image| image.part.name() == self.part.as_deref())?;
         Some((number, view, image))
     }
 
-    /// Gives it a name where it has none.
+    /// Gives the window a default name if it has none.
     fn named(mut self) -> Self {
         if self.name.is_empty() {
             self.name = self.part.as_ref().map_or_else(|| self.view.clone(), |part| format!("{}-{part}", self.view));
@@ -214,7 +214,7 @@ impl WindowConfig {
     }
 }
 
-/// All windows with their names, if they can be shown; a fault has the window's number. `patterned` are the views with test patterns.
+/// Returns all windows with their names, if they can be shown; an error has the window's index. `patterned` lists the views with test patterns.
 pub(super) fn windows(
     windows: Vec<WindowConfig>,
     rig: &Rig,

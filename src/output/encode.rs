@@ -69,7 +69,7 @@ pub enum EncodeError {
         /// Number of values in the buffer.
         found: usize,
     },
-    /// JPEG cannot hold an image of this size.
+    /// JPEG does not support an image of this size.
     #[error("{width} x {height} pixels are too many for JPEG: each side must be at most 65535")]
     TooLargeForJpeg {
         /// Width, pixels.
@@ -77,7 +77,7 @@ pub enum EncodeError {
         /// Height, pixels.
         height: u32,
     },
-    /// H.264 cannot hold an image of this size.
+    /// H.264 does not support an image of this size.
     #[error(
         "{width} x {height} pixels: H.264 supports 1 to 36864 squares of 16 x 16 pixels and at most 8688 pixels a side; max_size makes smaller copies"
     )]
@@ -155,7 +155,7 @@ pub(crate) fn png_of(
     encoder.set_color(color);
     encoder.set_depth(depth);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    // Dithered black does not become much smaller with more effort.
+    // More effort would not make dithered black much smaller.
     encoder.set_compression(png::Compression::Fast);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(samples)?;

@@ -18,9 +18,9 @@ pub(super) struct HalfOf {
     pub(super) unit_cd_m2: f32,
 }
 
-/// Encodes an image: channels `R`, `G`, `B` in cd/m^2 as 32-bit floats or in a custom unit as 16-bit floats; `omega` in
-/// sr; for a projector that shares its light `alpha`, its share, which is not applied to the colours. `pixels` must
-/// match the image's size.
+/// Encodes an image: channels `R`, `G`, `B` in cd/m^2 as 32-bit floats or in a custom unit as 16-bit floats; `omega` in sr; for a projector whose
+/// light is blended with that of others also `alpha`, its share of the light, which is not applied to the colours. `pixels` must match the image's
+/// size.
 pub(super) fn exr_of(
     image: &FrameImage,
     pixels: &[[f32; 4]],
@@ -44,8 +44,8 @@ pub(super) fn exr_of(
         channels.push(("alpha", FlatSamples::F32(blend.weights().iter().map(|[alpha, _]| *alpha).collect())));
     }
     let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(Text::from(name), samples));
-    // Write blocks in order of their rows, and no attribute with a time or a place. Run lengths: deflate needs 20 times as long for light with
-    // stars, and makes files smaller by a tenth only.
+    // For deterministic files, write blocks in order of their rows, and no attribute with a time or a place. Compress run lengths: deflate takes 20
+    // times as long for light with stars, and makes files only a tenth smaller.
     let encoding = Encoding {
         compression: exr::prelude::Compression::RLE,
         blocks: exr::prelude::Blocks::ScanLines,

@@ -122,7 +122,7 @@ pub fn write_frame(
     write_frames(folder, rig, std::slice::from_ref(frame), provenance, written)
 }
 
-/// Checks that files can be written into a folder, before the work whose results they are. The folder is not created.
+/// Checks that files can be written into a folder, before the work that produces them. The folder is not created.
 ///
 /// # Errors
 ///

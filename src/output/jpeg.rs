@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn bands_decode_like_a_single_encoding() {
-        // One band, two, many (restart markers count modulo eight), a last one of one row, and odd sides.
+        // Test one band, two, many (restart markers count modulo eight), a last band of one row, and odd sides.
         for [width, height] in [[33, 128], [40, 129], [17, 2000], [64, 1280], [300, 385]] {
             let pixels = image(width, height);
             let bands = encode(&pixels, width as u16, height as u16).unwrap();

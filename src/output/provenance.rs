@@ -1,5 +1,4 @@
-//! Provenance of a picture as recorded in manifests: enough to make it again, and to find the differences if the bytes
-//! differ.
+//! Provenance of a picture as recorded in manifests: enough to make the picture again, and to find the cause if its bytes differ.
 
 use std::path::{Path, PathBuf};
 

@@ -1,9 +1,8 @@
 //! H.264: the pictures of a stream, each coded relative to the previous one.
 //!
-//! Colours are as in the display image: primaries and matrix of BT.709, transfer function of sRGB, full range; the
-//! stream declares this. The colour differences have half the resolution (4:2:0), which is all that decoders of
-//! browsers support. A star is about as wide as their pixels, so the colours of a square of pixels are averaged with
-//! their light as weight: black pixels next to a star then do not dilute its colour.
+//! Colours are as in the display image: primaries and matrix of BT.709, transfer function of sRGB, full range; the stream declares this. The colour
+//! differences have half the resolution (4:2:0), which is all that decoders of browsers support. Their pixels are about as wide as a star. The
+//! colours of a square of pixels are therefore averaged with their light as weight, so that black pixels next to a star do not dilute its colour.
 
 use std::fmt;
 
@@ -21,8 +20,8 @@ const QP: u8 = 18;
 const MOST_MACROBLOCKS: u32 = 36_864;
 const LONGEST_SIDE: u32 = 543;
 
-/// Encodes pictures of one size. The first one is coded independently, each other one relative to the previous one,
-/// unless a key picture is requested.
+/// Encodes pictures of one size. The first one is coded independently. Each later one is coded relative to the previous one, unless a key picture is
+/// requested.
 pub struct VideoEncoder {
     size: [u32; 2],
     encoder: Encoder,
@@ -245,8 +244,8 @@ impl Bits {
         self.put_code(1);
         // No timing, no hypothetical decoder (two), no picture structure.
         self.put(0, 4);
-        // Restrictions: vectors may point outside; no denominators; vectors of any length; pictures are not reordered,
-        // and one is kept. Decoders thus show each picture immediately.
+        // Restrictions: motion vectors may point outside of the picture; no denominators; vectors of any length; pictures are not reordered, and one
+        // is kept. Decoders thus show each picture immediately.
         self.put(0b11, 2);
         for code in [0, 0, 16, 16, 0, 1] {
             self.put_code(code);

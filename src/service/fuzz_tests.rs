@@ -46,7 +46,6 @@ mod driver;
 
 use driver::{Run, Target, as_it_is, check};
 
-/// A scene with two views and no objects.
 /// An observer and its surroundings.
 static PLACE: LazyLock<(ObserverConfig, Arc<SceneObjects>)> = LazyLock::new(|| {
     let text = "[scene]\ntime = 2026-11-23T20:00:00Z\nsolar_system = false\n\
@@ -55,6 +54,7 @@ static PLACE: LazyLock<(ObserverConfig, Arc<SceneObjects>)> = LazyLock::new(|| {
     (config.scene.observer.clone().unwrap(), Arc::new(config.objects().unwrap()))
 });
 
+/// A scene with two views and no objects.
 fn scene() -> SceneState {
     let RenderSettings { stars, asteroids, .. } = RenderSettings::default();
     let given = |name: &str| {

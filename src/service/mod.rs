@@ -31,11 +31,10 @@
 //! | `client` | the Rust client; imports only `scene` and `wire` |
 //! | `daemon` | options, listening, start and shutdown |
 //!
-//! Only the newest camera counts: a pose that is replaced before the next frame starts is never drawn. One frame serves
-//! all clients that wait for one. A change of the scene applies from the next frame on, for all views; asteroids are
-//! placed on blocking threads. A slow client drops frames (counted) and never slows the renderer or another client. A
-//! frame that fails fails only for the clients that wait for it, and the daemon goes on; a renderer that panics ends the
-//! daemon with an error. A headset is one more view, and its failures do not affect the other views.
+//! Only the newest camera counts: a pose that is replaced before the next frame starts is never drawn. One frame serves all clients that wait for
+//! one. A change of the scene applies from the next frame on, for all views; asteroids are placed on blocking threads. A slow client drops frames
+//! (counted) and never slows the renderer or another client. If a frame fails, only the clients that wait for it get an error, and the daemon
+//! continues; a renderer that panics ends the daemon with an error. A headset is an additional view, and its failures do not affect the other views.
 
 mod client;
 pub mod cluster;

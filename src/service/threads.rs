@@ -15,8 +15,8 @@ thread_local! {
     static STANDS_BACK: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Lowers the priority of the calling thread, on Linux also of the threads that it starts afterwards. On systems without thread
-/// priorities, all threads stay equal and the log states it.
+/// Lowers the priority of the calling thread, and on Linux that of the threads that it starts afterwards. On systems without thread priorities, all
+/// threads stay equal and the log states it.
 pub(crate) fn stand_back() {
     if STANDS_BACK.replace(true) {
         return;
@@ -33,7 +33,7 @@ pub(crate) fn on_own_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     in_pool(&POOL, "background", work)
 }
 
-/// Runs the encoding of a frame in a low-priority thread pool of its own. In the pool of long work, it would wait until a
+/// Runs the encoding of a frame in a separate low-priority thread pool. In the pool of long work, it would wait until a
 /// thread has finished a part of that work, a second or more.
 pub(crate) fn beside_long_work<T: Send>(encoding: impl FnOnce() -> T + Send) -> T {
     static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
@@ -73,14 +73,14 @@ impl<T: Send + 'static> RunningThread<T> {
     pub(crate) fn spawn(name: &str, work: impl FnOnce() -> T + Send + 'static) -> io::Result<Self> {
         let (sender, ended) = oneshot::channel::<()>();
         let join = thread::Builder::new().name(name.to_owned()).spawn(move || {
-            // Dropped last, also by a panic.
+            // Dropped last, even on a panic.
             let _ended = sender;
             work()
         })?;
         Ok(Self { join, ended })
     }
 
-    /// Waits until `deadline` for the end of a thread that was told to stop; `None` if it is still busy. Must not be
+    /// Waits until `deadline` for the end of a thread that was asked to stop; `None` if it is still busy. Must not be
     /// called after `ended` has resolved.
     pub(crate) async fn result(mut self, deadline: Instant) -> Option<thread::Result<T>> {
         timeout_at(deadline, &mut self.ended).await.ok()?.ok();

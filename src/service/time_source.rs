@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-/// The machine's clock must differ from what is known of it by more than this to count as set.
+/// If the lead of the machine's clock changes by more than this, the clock counts as set.
 const SET: Duration = Duration::from_millis(1);
 
 /// Returns the time of the machine's clock.
@@ -133,7 +133,7 @@ mod tests {
             let now = time.now();
             assert!(now >= last && now.duration_since(last).is_ok_and(|gone| gone < Duration::from_secs(1000)));
             last = now;
-            // What clients send by the machine's clock is the same moment, and is told as they know it.
+            // Times that clients send by the machine's clock mean the same moment, and clients get times of that clock.
             let sent = time.machine_now();
             let apart = |a: SystemTime, b: SystemTime| {
                 a.duration_since(b).unwrap_or_else(|error| error.duration()).as_secs_f64()

@@ -19,17 +19,17 @@ const ALLOWED: &str = "an MPCDI set must be a ZIP of at most 4096 files, stored 
 pub(super) struct Archive<'a> {
     zip: ZipArchive<Cursor<&'a [u8]>>,
     unpacked_left: u64,
-    /// The entry with the description, from whose folder paths start.
+    /// The entry with the description. Paths are relative to its folder.
     pub described: String,
 }
 
-/// A path with `/` between its parts, and without `.` in front.
+/// Normalises a path: `/` between its parts, and no leading `./`.
 fn plain(path: &str) -> String {
     let path = path.replace('\\', "/");
     path.strip_prefix("./").unwrap_or(&path).to_owned()
 }
 
-/// The folder of an entry, with its last separator, and its own name.
+/// Splits the name of an entry into its folder, with the last separator, and its own name.
 fn parts(entry: &str) -> (&str, &str) {
     entry.split_at(entry.rfind(['/', '\\']).map_or(0, |at| at + 1))
 }
@@ -51,8 +51,7 @@ impl<'a> Archive<'a> {
         Ok(Self { zip, unpacked_left: MOST_UNPACKED_BYTES, described: String::new() })
     }
 
-    /// The full name of the description with this name, ignoring case: in the root, or else in the only folder that
-    /// has one.
+    /// Returns the full name of the description with this name, ignoring case. It is in the root, or else in the only folder that has one.
     pub fn named(&self, name: &str) -> Result<Option<String>, Fault> {
         for in_root in [true, false] {
             let matches = |entry: &str| {
@@ -72,8 +71,8 @@ impl<'a> Archive<'a> {
         Ok(None)
     }
 
-    /// The entry that a path in the description `described` means: exactly, or with other separators or capitals,
-    /// from the description's folder or from the root.
+    /// Returns the entry that a path in the description `described` refers to. The path is relative to the description's folder or to the root;
+    /// separators and capitals may differ.
     pub fn entry(&self, path: &str, described: &str) -> Result<String, Fault> {
         let folder = parts(&plain(described)).0.to_owned();
         let path_plain = plain(path);
@@ -86,9 +85,9 @@ impl<'a> Archive<'a> {
             let mut found = self.zip.file_names().filter(|entry| plain(entry).eq_ignore_ascii_case(&wanted));
             match (found.next(), found.next()) {
                 (Some(first), Some(second)) => {
-                    let problem = format!("it can be `{}` or `{}`", first.escape_debug(), second.escape_debug());
+                    let problem = format!("it is ambiguous: `{}` or `{}`", first.escape_debug(), second.escape_debug());
                     let place = format!("entry `{}`", path.escape_debug());
-                    return Err(Fault::new(place, problem, "must be the name of one entry, with its capitals"));
+                    return Err(Fault::new(place, problem, "must be the name of one entry, with the same capitals"));
                 }
                 (Some(first), None) => return Ok(first.to_owned()),
                 (None, _) => {}

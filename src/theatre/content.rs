@@ -32,9 +32,9 @@ pub(super) enum Content {
         radius: [f64; 2],
         /// Half the size of the drawn part, relative to half the picture's width and height.
         edge: [f64; 2],
-        /// Where the middle of the picture lies in the circle, in its radii.
+        /// Position of the middle of the picture in the circle, in radii of the circle.
         middle: [f64; 2],
-        /// Where the circle's directions are seen from: right, up and towards its centre, in radii of the dome.
+        /// Point from which the directions of the circle are seen: right, up and towards its centre, in radii of the dome.
         eye: DVec3,
     },
     /// Longitude to the right, latitude upwards; the centre is the front.
@@ -136,7 +136,7 @@ impl Content {
             Self::Fisheye { half_fov_rad, dome_from_picture, radius, middle, eye, .. } => {
                 let (x, y) = ((2.0 * u - 1.0) / radius[0] + middle[0], (2.0 * v - 1.0) / radius[1] + middle[1]);
                 let rho = x.hypot(y);
-                // Beyond the antipode it continues on the other side: splines need a smooth map there too.
+                // Beyond the antipode the mapping continues on the other side, because splines need a smooth map there too.
                 let theta = rho * half_fov_rad;
                 // sin(theta) / rho is finite at 0.
                 let across = if rho > 1e-12 { theta.sin() / rho } else { *half_fov_rad };

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::TheatreError;
 
-/// A computed number for people: six decimals at most.
+/// Rounds a computed number for messages to at most six decimals.
 pub(super) fn rounded(value: f64) -> f64 {
-    // A number that is too large for six decimals stays as it is; the sum makes a zero positive.
+    // A number that is too large for six decimals stays unchanged. Adding 0 makes a negative zero positive.
     let scaled = value * 1e6;
     if scaled.is_finite() { scaled.round() / 1e6 + 0.0 } else { value }
 }
@@ -17,7 +17,7 @@ pub(super) fn shown<const N: usize>(values: [f64; N]) -> String {
     format!("[{}]", texts.join(", "))
 }
 
-/// Becomes a [`TheatreError`] when the name of the file is added.
+/// An error without the name of the file; with the name it becomes a [`TheatreError`].
 #[derive(Debug)]
 pub(super) enum Fault {
     /// [`TheatreError::Content`].

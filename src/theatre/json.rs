@@ -8,8 +8,7 @@ use super::{
     fault::{Fault, rounded},
 };
 
-/// The keys of yaw, pitch and roll: the present one, then those of SGCT's configurations in XML, from which older ones in JSON were
-/// converted.
+/// The keys of yaw, pitch and roll: the current name, then those of SGCT's XML configurations, from which older JSON configurations were converted.
 pub(super) const ANGLES: [&[&str]; 3] = [&["yaw", "heading", "azimuth"], &["pitch", "elevation"], &["roll", "bank"]];
 const QUATERNION: [&[&str]; 4] = [&["x"], &["y"], &["z"], &["w"]];
 
@@ -91,7 +90,7 @@ impl<'a> Field<'a> {
         for name in names {
             let Some(field) = self.get(name)? else { continue };
             if found.replace(field.number()?).is_some() {
-                let problem = format!("it occurs twice: {} mean the same", names.join(", "));
+                let problem = format!("it occurs twice: {} have the same meaning", names.join(", "));
                 return Err(Fault::new(field.place, problem, "must occur once"));
             }
         }

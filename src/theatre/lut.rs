@@ -14,7 +14,7 @@ const MOST_3D: usize = 256;
 const ALLOWED: &str = "a .cube file must have LUT_1D_SIZE (2 to 65536) or LUT_3D_SIZE (2 to 256), optionally TITLE, and DOMAIN_MIN and \
                        DOMAIN_MAX or the two numbers of LUT_1D_INPUT_RANGE or LUT_3D_INPUT_RANGE, then that many lines of three finite numbers";
 
-/// What some programs write at the beginning of a text in UTF-8.
+/// Mark that some programs write at the beginning of a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Reads a `.cube` file.

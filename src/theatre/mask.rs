@@ -39,7 +39,7 @@ impl Mask {
         mixed(top) * (1.0 - down) + mixed(bottom) * down
     }
 
-    /// Its values with their size.
+    /// Returns the values with their size.
     pub fn weights(&self) -> Weights<'_> {
         Weights { size: [self.width, self.height], values: &self.values }
     }
@@ -72,7 +72,8 @@ pub fn read_mask(path: &Path, gamma: f64) -> Result<Mask, TheatreError> {
 const STRETCHED: f64 = 0.02;
 
 impl Reader<'_> {
-    /// Adds a note if a mask has another shape than its raster: it may be one for a raster that stands upright, or of another projector.
+    /// Adds a note if a mask and its raster have different aspect ratios: the mask may belong to a raster in portrait format, or to another
+    /// projector.
     pub(super) fn note_shape(&mut self, place: &str, mask: &Mask, [width, height]: [u32; 2]) {
         let [across, down] = [mask.width as f64 / f64::from(width), mask.height as f64 / f64::from(height)];
         // Rounding to whole pixels changes the ratio too.
@@ -85,7 +86,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Adds a note if a factor on the light leaves none.
+    /// Adds a note if a mask is black everywhere.
     pub(super) fn note_black(&mut self, place: &str, mask: &Mask) {
         if mask.values.iter().all(|value| *value == 0.0) {
             self.note(format!("{place}: the mask is black everywhere: nothing is shown"));

@@ -99,7 +99,7 @@ impl Mesh {
         Ok(())
     }
 
-    /// Why no point of the raster has a direction; `inside`: the number of nodes whose coordinates lie in the content.
+    /// Returns the reason why no point of the raster has a direction; `inside` is the number of nodes whose coordinates lie in the content.
     fn without_directions(&self, inside: usize, place: &str) -> Fault {
         if inside > 0 {
             let allowed = "its triangles must cover the raster, and their nodes must be drawn";

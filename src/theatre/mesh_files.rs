@@ -64,7 +64,7 @@ pub(super) fn kind(bytes: &[u8]) -> Option<Kind> {
         return Some(Kind::Sciss);
     }
     let head = std::str::from_utf8(&bytes[..bytes.len().min(1 << 16)]);
-    // The cut may split a character.
+    // The end of the examined bytes may split a character.
     let text = match head {
         Ok(text) => text,
         Err(error) => std::str::from_utf8(&bytes[..error.valid_up_to()]).ok()?,
@@ -155,13 +155,13 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
         return Err(Fault::new("mesh", problem, format!("must be {columns} x {rows} according to its second line")));
     }
     if mesh.nodes.iter().all(|node| node.intensity <= 0.0) {
-        let allowed = "nodes that get light must have an intensity above 0, 1 for all of it";
+        let allowed = "nodes that get light must have an intensity above 0, and 1 for full light";
         return Err(Fault::new("mesh", "no node has an intensity above 0: nothing would be drawn", allowed));
     }
     let unknown = unlit::settle(&mut mesh, columns, rows);
     let notes = if unknown > 0 {
         vec![format!(
-            "{unknown} of {} nodes have the intensity 0 and coordinates that do not continue those of their neighbours: they are taken as unknown",
+            "{unknown} of {} nodes have the intensity 0 and coordinates that do not continue those of their neighbours: they are treated as unknown",
             mesh.nodes.len()
         )]
     } else {
@@ -350,7 +350,7 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
     let [left, right, down, up] = [left, right, down, up].map(f64::to_radians);
     let content = Content::frustum(left, right, down, up, rotation)?;
     // Version 1: columns and rows. Version 2: how the nodes are joined (4 triangles, 5 a strip), and their number; some
-    // files of version 2 have columns and rows too. The length of the file tells.
+    // files of version 2 have columns and rows too. The length of the file distinguishes them.
     let [first, second] = [words.u32().ok_or_else(short)?, words.u32().ok_or_else(short)?].map(|n| n as usize);
     let is_second = version == 2 || version == b'2';
     let fits = |count: usize| {

@@ -1,4 +1,4 @@
-//! Meshes with a frustum of their own, as text: OPENMESH (`.ol`) of Scalable and EasyBlend, Sky-Skan's, and the shifts
+//! Meshes with their own frustum, as text: OPENMESH (`.ol`) of Scalable and EasyBlend, Sky-Skan's, and the shifts
 //! of SimCAD, which have none.
 //!
 //! | format | positions on the raster | content |
@@ -26,10 +26,10 @@ const PLANE_M: f64 = 10.0;
 /// Height of Sky-Skan's pictures relative to their width, if the file has no vertical field of view.
 const SKY_SKAN_HEIGHT: f64 = 1200.0 / 2048.0;
 
-/// Keys of an OPENMESH that change the geometry in a way that is documented nowhere.
+/// Keys of an OPENMESH that change the geometry in an undocumented way.
 const UNKNOWN_GEOMETRY: [&str; 2] = ["USE_SPHERE_SAMPLE_COORDINATE_SYSTEM", "FRUSTUM_EULER_ANGLES"];
 
-/// The other keys of an OPENMESH that are read, or that describe the file only.
+/// Other keys of an OPENMESH: those that are read, and those that only describe the file.
 const OPEN_KEYS: [&str; 27] = [
     "OPENMESH",
     "SUBVERSION",
@@ -169,14 +169,14 @@ pub(super) fn open_mesh(text: &str) -> Result<Loaded, Fault> {
     Ok(Loaded { mesh, mapping: None, content: Some(content), size_px, notes })
 }
 
-/// Notes on keys of an OPENMESH that nothing reads.
+/// Adds notes on keys of an OPENMESH that are not read.
 fn unknown_keys(keys: &HashMap<&str, (usize, &str)>) -> Vec<String> {
     let is_known = |key: &str| OPEN_KEYS.contains(&key) || UNKNOWN_GEOMETRY.contains(&key);
     let mut unknown: Vec<(usize, &str)> =
         keys.iter().filter(|(key, _)| !is_known(key)).map(|(key, (line, _))| (*line, *key)).collect();
     unknown.sort_unstable();
     let note = |(line, key): &(usize, &str)| {
-        format!("OPENMESH: line {line}: the key {} is not known, it has no effect", key.escape_debug())
+        format!("OPENMESH: line {line}: the key {} is not known; it has no effect", key.escape_debug())
     };
     unknown.iter().take(MOST_NOTES).map(note).collect()
 }

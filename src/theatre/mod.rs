@@ -78,8 +78,8 @@ pub struct Region {
     /// `buffer/region` in MPCDI, `node/window/viewport` in SGCT (counted from 0), else the file name without its
     /// extension.
     pub name: String,
-    /// The name that the file gives to its window, if it does; a part of the name, or another one, if the view of a
-    /// configuration cannot have it.
+    /// The name that the file gives to its window, if it does. If a view in a configuration cannot have this name, it is a part of the name, or
+    /// another name.
     pub title: Option<String>,
     /// Width and height of its raster, pixels.
     pub size_px: [u32; 2],
@@ -89,7 +89,7 @@ pub struct Region {
     pub border: Option<Border>,
     /// Factor on the light.
     pub alpha: Option<Mask>,
-    /// Whether the programs that the file is made for multiply display codes: alpha is then their factor to the power of
+    /// Whether the programs that the file is made for multiply display codes. Alpha is then this factor to the power of
     /// [`DISPLAY_GAMMA`](crate::view::projector::DISPLAY_GAMMA).
     pub multiplies_codes: bool,
     /// Black level: the displayed light is `L * alpha * (1 - beta) + beta`, in units of the projector's white.
@@ -129,7 +129,7 @@ impl Region {
         Warp::within(self.size_px, &self.grid, self.border.as_ref())
     }
 
-    /// Bytes that determine the projection of its raster, and differ from those of any other.
+    /// Bytes that identify the projection of its raster: other projections have other bytes.
     pub fn identity(&self) -> Vec<u8> {
         let mut bytes = self.grid.identity(self.size_px);
         bytes.extend(self.border.iter().flat_map(Border::identity));
@@ -191,7 +191,7 @@ pub(crate) struct Reader<'a> {
     /// Options of the caller.
     options: &'a ReadOptions,
     notes: Vec<String>,
-    /// The options that the region read at present depends on.
+    /// The options on which the region that is being read depends.
     uses: Uses,
     samples_left: usize,
     mask_values_left: usize,
@@ -335,7 +335,7 @@ pub fn upright_and_mirrored_cells(grid: &Grid) -> [usize; 2] {
     cells_by_side(grid, |_| true)
 }
 
-/// The same numbers, of cells whose upper left sample is counted.
+/// The same numbers, only for cells whose upper left sample is counted.
 fn cells_by_side(grid: &Grid, is_counted: impl Fn(usize) -> bool) -> [usize; 2] {
     let mut counts = [0; 2];
     for row in 1..grid.rows {
@@ -402,7 +402,7 @@ fn refused(path: &Path, bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     }
 }
 
-/// Why a document in XML cannot be read by itself.
+/// Returns the reason why an XML document cannot be read by itself.
 fn lone_xml(bytes: &[u8]) -> Fault {
     let document = match xml::parse(bytes) {
         Ok(document) => document,
@@ -428,7 +428,7 @@ fn lone_xml(bytes: &[u8]) -> Fault {
     }
 }
 
-/// Why text in another encoding, or JSON with comments, cannot be read.
+/// Returns the reason why text in another encoding, or JSON with comments, cannot be read.
 fn other_text(bytes: &[u8]) -> Option<Fault> {
     let text_start = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
@@ -524,7 +524,7 @@ impl Reader<'_> {
             samples.push(Some(matrix * (vector / length)));
         }
         if zeros > 0 {
-            self.note(format!("{zeros} of {} samples are zeros: they are taken as unknown", samples.len()));
+            self.note(format!("{zeros} of {} samples are zeros: they are treated as unknown", samples.len()));
         }
         let grid = Grid {
             columns: plane.width,

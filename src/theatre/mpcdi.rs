@@ -405,10 +405,10 @@ impl Reader<'_> {
         let mut samples = Vec::with_capacity(columns * rows);
         let mut places = Vec::new();
         let mut screen = ScreenSums::default();
-        // A map shows each point once: zeros in several samples are the mark of unknown ones.
+        // A map shows each point only once, so zeros in several samples mark unknown samples.
         let zeros = plane.top_down(order).filter(|(_, _, value)| no_value(value)).count();
         if zeros > 1 {
-            self.note(format!("{place}: {zeros} of {} samples are zeros: they are taken as unknown", columns * rows));
+            self.note(format!("{place}: {zeros} of {} samples are zeros: they are treated as unknown", columns * rows));
         }
         for (column, row, value) in plane.top_down(order) {
             let here = |problem: String, allowed: &str| {
@@ -492,7 +492,7 @@ fn lenses<'a, 'input>(root: &Element<'a, 'input>) -> Result<Vec<(&'a str, &'a st
     Ok(found)
 }
 
-/// One of several words, in small letters. Scalable's library misspells one of them.
+/// Reads one of several words, in lower case. Scalable's library misspells one of them.
 fn word(element: &Element, name: &str) -> Result<Option<String>, Fault> {
     Ok(element.child_word(name)?.map(|word| if word == "unkown" { "unknown".to_owned() } else { word }))
 }

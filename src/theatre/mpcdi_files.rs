@@ -3,7 +3,7 @@
 use super::{Mask, Reader, archive::Archive, fault::Fault, lut, mask, xml::Element};
 
 impl Reader<'_> {
-    /// The content of an entry that the description names.
+    /// Reads an entry that the description names.
     pub(super) fn entry(&mut self, path: &str, archive: &mut Archive) -> Result<Vec<u8>, Fault> {
         let name = archive.entry(path, &archive.described)?;
         if name != path {
@@ -23,7 +23,7 @@ impl Reader<'_> {
         let gamma = match element.child_text("gammaEmbedded")? {
             Some(_) => element.number("gammaEmbedded")?,
             None => {
-                self.note(format!("{kind}: no gammaEmbedded, linear is assumed"));
+                self.note(format!("{kind}: no gammaEmbedded; linear is assumed"));
                 1.0
             }
         };
@@ -45,7 +45,7 @@ impl Reader<'_> {
             self.note(format!("{place}: its alpha channel is the mask"));
         }
         if decoded.coloured {
-            self.note(format!("{place}: it is coloured, its luminance is used"));
+            self.note(format!("{place}: it is coloured; only its luminance is used"));
         }
         self.note_shape(&place, &decoded.mask, size_px);
         if kind == "alphaMap" {

@@ -1,4 +1,4 @@
-//! The elements and attributes of an MPCDI description. Others are noted: a misspelled one would drop a mask or a map.
+//! The elements and attributes of an MPCDI description. Unknown ones cause a note: a misspelled name would drop a mask or a map.
 
 use super::xml::Element;
 
@@ -8,7 +8,7 @@ const MOST_NOTES: usize = 20;
 /// An element, its attributes and its child elements.
 type Known = (&'static str, &'static [&'static str], &'static [&'static str]);
 
-/// Children of a mask. Some programs give a look-up table the same.
+/// Children of a mask. Some programs give the same children to a look-up table.
 const PICTURE: &[&str] = &["path", "componentDepth", "bitDepth", "gammaEmbedded"];
 
 const NAMES: [Known; 16] = [
@@ -51,7 +51,7 @@ const NAMES: [Known; 16] = [
     ("decodeLUT", &[], PICTURE),
 ];
 
-/// Notes on the elements and attributes below `root` that nothing reads, and on extensions.
+/// Returns notes on the elements and attributes below `root` that are not read, and on extensions.
 pub(super) fn unknown_names(root: &Element) -> Vec<String> {
     let mut notes = Vec::new();
     collect(root, &mut notes);
@@ -68,14 +68,14 @@ fn collect(element: &Element, notes: &mut Vec<String>) {
     for attribute in element.node.attributes().filter(|attribute| attribute.namespace().is_none()) {
         if !is_one_of(attributes, attribute.name()) {
             let name = attribute.name().escape_debug();
-            notes.push(format!("{}: the attribute {name} is not known, it has no effect", element.place));
+            notes.push(format!("{}: the attribute {name} is not known; it has no effect", element.place));
         }
     }
     for node in element.node.children().filter(roxmltree::Node::is_element) {
         let name = node.tag_name().name();
         let child = Element { node, place: format!("{} <{}>", element.place, name.escape_debug()) };
         if !is_one_of(children, name) {
-            notes.push(format!("{}: this element is not known here, it has no effect", child.place));
+            notes.push(format!("{}: this element is not known here; it has no effect", child.place));
         } else if name.eq_ignore_ascii_case("extensionSet") {
             collect_extensions(&child, notes);
         } else if notes.len() < MOST_NOTES {
@@ -84,7 +84,7 @@ fn collect(element: &Element, notes: &mut Vec<String>) {
     }
 }
 
-/// Extensions other than the one whose lenses are looked for.
+/// Extensions other than the one in which lenses are looked up.
 fn collect_extensions(set: &Element, notes: &mut Vec<String>) {
     for extension in set.children("extension") {
         let name = extension.attribute("name").unwrap_or_default();

@@ -16,8 +16,7 @@ pub(crate) fn plain(name: &str) -> String {
 }
 
 impl Reader<'_> {
-    /// Gives a title to regions whose names are too long for a view or in another script, and notes which one stands for
-    /// which.
+    /// Gives a title to regions whose names are too long for a view or are in another script, and notes the original names.
     pub(super) fn title(&mut self, regions: &mut [Region]) {
         let named = |region: &Region| region.title.as_ref().unwrap_or(&region.name).clone();
         let is_fit = |name: &str| name.is_ascii() && name.len() <= MOST_OF_VIEW;
@@ -30,16 +29,16 @@ impl Reader<'_> {
             }
             let mut short = plain(&whole);
             if !short.contains(|c: char| c.is_ascii_alphanumeric()) {
-                // Nothing remains of a name in another script.
+                // Nothing remains of a name in another script, so use the region's name.
                 short = plain(&region.name);
             }
             short.truncate(MOST_LETTERS);
             let numbered = |n: usize| if n == 1 { short.clone() } else { format!("{short}_{n}") };
-            // A set has fewer regions than these numbers.
+            // There are more numbers than regions, so a name is found.
             let title = (1..=MOST_REGIONS + 1).map(numbered).find(|name| used.insert(name.clone()));
             let Some(title) = title else { continue };
             self.note(format!(
-                "the view {title} stands for `{}`: a view's name has at most {MOST_OF_VIEW} letters, digits, `_` and `-` of ASCII",
+                "the view {title} is `{}` in the file: a view's name has at most {MOST_OF_VIEW} letters, digits, `_` and `-` of ASCII",
                 whole.escape_debug()
             ));
             region.title = Some(title);
@@ -80,7 +79,7 @@ mod tests {
         let (titles, notes) = titles(&[("0/0/0", Some(&first)), (&second, None), ("a/b", Some("Left one"))]);
         let short = "x".repeat(56);
         assert_eq!(titles, [Some(short.clone()), Some(format!("{short}_2")), Some("Left one".to_owned())]);
-        assert!(notes.len() == 2 && notes[1].contains(&format!("{short}_2 stands for `{second}`")), "{notes:?}");
+        assert!(notes.len() == 2 && notes[1].contains(&format!("{short}_2 is `{second}`")), "{notes:?}");
     }
 
     #[test]
@@ -88,6 +87,6 @@ mod tests {
         let names = [("0/0/0", Some("\u{5de6}")), ("0/1/0", Some("\u{53f3}")), ("0/2/0", Some("M\u{fc}nchen 1"))];
         let (titles, notes) = titles(&names);
         assert_eq!(titles.into_iter().flatten().collect::<Vec<_>>(), ["0_0_0", "0_1_0", "M_nchen_1"]);
-        assert!(notes.len() == 3 && notes[0].contains("the view 0_0_0 stands for `\u{5de6}`"), "{notes:?}");
+        assert!(notes.len() == 3 && notes[0].contains("the view 0_0_0 is `\u{5de6}`"), "{notes:?}");
     }
 }

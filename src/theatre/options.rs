@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::fault::{Fault, shown};
 
-/// Which row of a grid of samples comes first in the file.
+/// Position in the raster of the first row of a grid of samples in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RowOrder {
     /// As the format specifies: the bottom row in PFM (Netpbm), the top row in OpenEXR.
@@ -99,16 +99,16 @@ fn map_text(matrix: &DMat3) -> String {
     format!("x={},y={},z={}", row(0), row(1), row(2))
 }
 
-/// The options that the directions of a region depend on. The others are refused where they are given.
+/// The options on which the directions of a region depend. Other options are refused if they are given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Uses {
     /// [`ReadOptions::rows`]: it has a picture of samples.
     pub rows: bool,
     /// [`ReadOptions::axes`]: it has points, directions, or a frustum in axes of the file.
     pub axes: bool,
-    /// [`ReadOptions::eye_m`]: it has points or planes in space, and no eye of its own.
+    /// [`ReadOptions::eye_m`]: it has points or planes in space, and the file has no eye.
     pub eye: bool,
-    /// [`ReadOptions::fov_deg`] and [`ReadOptions::tilt_deg`]: its picture is a fisheye that the file leaves open.
+    /// [`ReadOptions::fov_deg`] and [`ReadOptions::tilt_deg`]: its picture is a fisheye that the file does not describe.
     pub fisheye: bool,
 }
 
@@ -151,7 +151,7 @@ impl Default for ReadOptions {
 type Idle = (String, &'static str, &'static str);
 
 impl ReadOptions {
-    /// The first option that is given and on which nothing depends. `is_used`: whether any region has this use.
+    /// Returns the first option that is given but on which nothing depends. `is_used` returns whether any region depends on an option.
     pub(super) fn idle(&self, is_used: impl Fn(fn(&Uses) -> bool) -> bool) -> Option<Idle> {
         const OPEN_FISHEYE: &str = "do not come from a fisheye whose field of view and tilt it leaves open";
         const TILT: &str = "omit it; to tilt a dome of projectors, use the orientation of the views, which `projectors import --dome-tilt-deg` writes";

@@ -3,7 +3,7 @@
 
 use super::{MOST_SIDE, RowOrder, fault::Fault};
 
-/// Absolute values that coordinates, unit vectors and points have, apart from 0.
+/// Range of the absolute values of coordinates, unit vectors and points, except for 0.
 const PLAUSIBLE: std::ops::Range<f32> = 1e-6..1e6;
 
 /// A picture of three floats per sample, in the order of the file.
@@ -87,8 +87,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
     let count = rest.len() / 4;
     if 2 * plausible(little_endian) < count && 100 * plausible(!little_endian) >= 99 * count {
         let (order, right, sign) = if little_endian { ("little", "big", "1") } else { ("big", "little", "-1") };
-        let problem = format!("most values make no sense in the byte order of the header ({order}-endian)");
-        let allowed = format!("they do in the other: the scale must be {sign} if the samples are {right}-endian");
+        let problem = format!("most values are implausible in the byte order of the header ({order}-endian)");
+        let allowed =
+            format!("they are plausible in the other: the scale must be {sign} if the samples are {right}-endian");
         return Err(Fault::new("PFM samples", problem, allowed));
     }
     let number = |four: &[u8]| read_as(little_endian, four);

@@ -48,7 +48,7 @@ impl Reader<'_> {
         if let Some(version) = root.get("version")?
             && version.value.as_f64() != Some(1.0)
         {
-            self.note(format!("version {}: only version 1 is known, it is read like that", version.value));
+            self.note(format!("version {}: only version 1 is known; it is read as version 1", version.value));
         }
         let nodes = root.needed("nodes")?.list()?;
         let users = root.get("users")?.map(|users| users.list()).transpose()?.unwrap_or_default();
@@ -62,7 +62,10 @@ impl Reader<'_> {
                 if !window.flag("draw3d", true)? {
                     let title =
                         window_name(window)?.map_or(String::new(), |title| format!(" `{}`", title.escape_debug()));
-                    self.note(format!("{}{title}: it does not draw the 3D scene, so it is no projector", window.place));
+                    self.note(format!(
+                        "{}{title}: it does not draw the 3D scene, so it is not a projector",
+                        window.place
+                    ));
                     continue;
                 }
                 let viewports = window.needed("viewports")?.list()?;
@@ -120,7 +123,7 @@ impl Reader<'_> {
         let Some(orientation) = scene.get("orientation")? else { return Ok(()) };
         let zeros = |map: &serde_json::Map<String, Value>| map.values().all(|value| value.as_f64() == Some(0.0));
         if orientation.value.as_object().is_some_and(zeros) {
-            // SGCT turns nothing by a quaternion of zeros either.
+            // A quaternion of zeros has no effect in SGCT either.
             return Ok(());
         }
         let rotation = orientation.rotation()?;
@@ -176,7 +179,9 @@ impl Reader<'_> {
         // SGCT multiplies the picture's codes by each of them; its "black level" does not raise black.
         let black = self.masked(viewport.get("blacklevelmask")?, area.size_px)?;
         if black.is_some() {
-            self.note("blacklevelmask: SGCT multiplies the picture by it (white changes nothing), it raises no black");
+            self.note(
+                "blacklevelmask: SGCT multiplies the picture by it (white changes nothing); it does not raise black",
+            );
         }
         let alpha =
             [blend, black, intensities].into_iter().flatten().reduce(|first, second| mask::product(&first, &second));
@@ -308,7 +313,7 @@ impl Reader<'_> {
             self.note(format!("{place}: its alpha channel is the mask"));
         }
         if decoded.coloured {
-            self.note(format!("{place}: it is coloured, its luminance is used"));
+            self.note(format!("{place}: it is coloured; only its luminance is used"));
         }
         self.note_shape(&place, &decoded.mask, size_px);
         self.note_black(&place, &decoded.mask);
@@ -337,7 +342,7 @@ impl Reader<'_> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let similar = ignoring_case(folder, relative);
         if let Some(similar) = &similar {
-            self.note(format!("{place}: taken from {}, whose name has other capitals", similar.display()));
+            self.note(format!("{place}: taken from {}, whose name has different capitals", similar.display()));
         }
         let path = similar.unwrap_or_else(|| folder.join(relative));
         let bytes =
@@ -346,8 +351,7 @@ impl Reader<'_> {
     }
 }
 
-/// The file that a path in a folder means on a system that ignores case; `None` if the path exists as it is, or if no file or several
-/// fit.
+/// Returns the file that a path in a folder refers to if case is ignored; `None` if the path exists as written, or if no file or several files match.
 fn ignoring_case(folder: &Path, relative: &Path) -> Option<PathBuf> {
     if folder.join(relative).exists() {
         return None;

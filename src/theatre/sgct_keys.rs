@@ -1,4 +1,4 @@
-//! The keys of SGCT's configurations, by its JSON schema. Others are noted: a misspelled one would drop a mask or a mesh.
+//! The keys of SGCT's configurations, from its JSON schema. Unknown keys cause a note: a misspelled key would drop a mask or a mesh.
 
 use serde_json::Value;
 
@@ -115,7 +115,7 @@ const KEYS: [(&str, &[&str]); 24] = [
 const PLANAR: &[&str] = &["type", "fov", "distance", "orientation", "offset"];
 const POINT: &[&str] = &["x", "y", "z"];
 
-/// Notes on keys that nothing reads, and on old names of keys.
+/// Returns notes on keys that are not read, and on old names of keys.
 pub(super) fn unknown_keys(root: &Field) -> Vec<String> {
     let mut notes = Vec::new();
     collect(root, "", &mut notes);
@@ -155,7 +155,7 @@ fn collect(object: &Field, held_by: &str, notes: &mut Vec<String>) {
         } else if context == "windows" && name == "mpcdi" {
             notes.push(format!("{place}: the set is not read; import it by itself"));
         } else {
-            notes.push(format!("{place}: the key is not known, it has no effect"));
+            notes.push(format!("{place}: the key is not known; it has no effect"));
         }
     }
 }

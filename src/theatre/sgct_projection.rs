@@ -55,7 +55,7 @@ impl Reader<'_> {
             |content: Content| Drawn { content, round: false, texture_mapped: name == "texturemapped", has_eye: true };
         match name.as_str() {
             "planar" | "texturemapped" => Ok(drawn(planar(field, eye)?)),
-            // Old versions of SGCT: a planar projection whose picture other programs get as well.
+            // From old versions of SGCT: a planar projection whose picture is also sent to other programs.
             "spoutflat" => {
                 self.note(format!(
                     "{}: read as its planarprojection; the picture for other programs (Spout) is left out",
@@ -84,7 +84,7 @@ impl Reader<'_> {
             "spoutoutput" => Err(Fault::refused(
                 format!("{}: the projection `spoutoutput`", field.place),
                 format!(
-                    "it gives pictures of all directions to other programs, and no projector shows them; a projector {known}"
+                    "it gives pictures of all directions to other programs, not to a projector; a projector {known}"
                 ),
             )),
             "cylindrical" => Err(Fault::refused(
@@ -156,7 +156,7 @@ impl Reader<'_> {
     }
 }
 
-/// Two opposite edges of a field of view, rad: each by itself, or the whole halved.
+/// Reads two opposite edges of a field of view, rad: each has its own key, or both are half of the whole angle.
 fn edges(fov: &Field, [first, second]: [&str; 2], whole: &str) -> Result<[f64; 2], Fault> {
     let angle = fov.optional_number(whole)?;
     let edge = |key: &str| match (fov.optional_number(key)?, angle) {

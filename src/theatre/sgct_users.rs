@@ -1,4 +1,4 @@
-//! Users of SGCT: where the eye of a viewport is.
+//! Users of SGCT: position of the eye of a viewport.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use super::{
     json::Field,
 };
 
-/// Distance between the eyes of a user of SGCT that has none, m.
+/// Default distance between the eyes of a user of SGCT, m.
 const EYE_SEPARATION_M: f64 = 0.06;
 
 impl Reader<'_> {
@@ -46,7 +46,7 @@ impl Reader<'_> {
     /// Position of the middle between the eyes: from the viewport's user, or from the options.
     fn middle_of_eyes(&mut self, user: Option<&Field>) -> Result<DVec3, Fault> {
         if let Some(tracking) = user.map(|user| user.get("tracking")).transpose()?.flatten() {
-            self.note(format!("{}: it has no effect, the eye stays at its place in the file", tracking.place));
+            self.note(format!("{}: it has no effect; the eye stays at its place in the file", tracking.place));
         }
         let requested = self.options.eye_m;
         match user.map(|user| self.own_place(user)).transpose()?.flatten() {
@@ -66,7 +66,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Position of a user, and the key that says so. SGCT multiplies `pos` by `matrix`, or by `orientation` if there is one.
+    /// Position of a user, and the key that gives it. SGCT multiplies `pos` by `matrix`, or by `orientation` if there is one.
     fn own_place(&mut self, user: &Field) -> Result<Option<(DVec3, String)>, Fault> {
         let [pos, matrix, orientation] = [user.get("pos")?, user.get("matrix")?, user.get("orientation")?];
         let position = pos.as_ref().map_or(Ok(DVec3::ZERO), Field::vector)?;
@@ -79,7 +79,7 @@ impl Reader<'_> {
             }
             (_, matrix, Some(orientation)) => {
                 if let Some(matrix) = matrix {
-                    self.note(format!("{}: it has no effect, the orientation replaces it as in SGCT", matrix.place));
+                    self.note(format!("{}: it has no effect; the orientation replaces it, as in SGCT", matrix.place));
                 }
                 Some((orientation.rotation()? * position, orientation.place))
             }

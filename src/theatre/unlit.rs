@@ -1,9 +1,8 @@
 //! Nodes of intensity 0 in Paul Bourke's meshes.
 //!
-//! Programs that write such meshes often leave placeholders in the coordinates of nodes that get no light. Between a lit
-//! node and an unlit one there is light, so an unlit node next to lit ones needs coordinates: its own if they continue
-//! those of its neighbours, else an extrapolation of them. Other unlit nodes whose coordinates continue nothing are
-//! unknown.
+//! Programs that write such meshes often leave placeholders in the coordinates of nodes that get no light. The light fades between a lit node and an
+//! unlit one, so an unlit node next to lit ones needs coordinates. Its own are used if they continue those of its neighbours; otherwise they are
+//! extrapolated from the neighbours. Other unlit nodes are treated as unknown if their coordinates do not continue those of their neighbours.
 
 use std::collections::VecDeque;
 
@@ -13,7 +12,7 @@ use super::mesh::Mesh;
 
 /// Steps to the eight neighbours of a node, in columns and rows.
 const STEPS: [[isize; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
-/// Largest deviation of coordinates that continue those of their neighbours, in the distance of these.
+/// Largest deviation of coordinates that count as continuing those of their neighbours, relative to the distance of the neighbours.
 const CONTINUES_WITHIN: f64 = 0.5;
 
 /// The places of a lattice's nodes, row by row.
@@ -30,7 +29,7 @@ impl Lattice {
         Some(row * self.columns + column)
     }
 
-    /// The content that continues two or three neighbours in a direction: its order, position and tolerance.
+    /// Extrapolates two or three neighbours in a direction; returns the order, the position in the content and its tolerance.
     fn continued(&self, node: usize, step: [isize; 2], trusted: &[bool]) -> Option<(usize, DVec2, f64)> {
         let content = |times: isize| {
             let at = self.stepped(node, step, times).filter(|at| trusted[*at])?;
@@ -44,7 +43,7 @@ impl Lattice {
         })
     }
 
-    /// The mean of the extrapolations of the highest order to a node.
+    /// Returns the mean of those extrapolations to a node that have the highest order.
     fn extrapolated(&self, node: usize, trusted: &[bool]) -> Option<DVec2> {
         let found: Vec<_> = STEPS.iter().filter_map(|step| self.continued(node, *step, trusted)).collect();
         let most = found.iter().map(|(order, ..)| *order).max()?;
@@ -52,7 +51,7 @@ impl Lattice {
         Some(best.iter().sum::<DVec2>() / best.len() as f64)
     }
 
-    /// The nodes whose coordinates count: lit ones, and others with coordinates that continue them.
+    /// Returns the nodes whose coordinates are trusted: lit nodes, and others whose coordinates continue theirs.
     fn trusted(&self, lit: &[bool], has_own: impl Fn(usize) -> bool) -> Vec<bool> {
         let mut trusted = lit.to_vec();
         let mut waiting: VecDeque<usize> = (0..lit.len()).filter(|node| !lit[*node] && has_own(*node)).collect();
@@ -74,7 +73,7 @@ impl Lattice {
     }
 }
 
-/// Gives unlit nodes their coordinates, or marks them as not drawn; returns how many had none of their own.
+/// Gives unlit nodes their coordinates, or marks them as not drawn; returns how many lacked coordinates.
 pub(super) fn settle(mesh: &mut Mesh, columns: usize, rows: usize) -> usize {
     let lit: Vec<bool> = mesh.nodes.iter().map(|node| node.intensity > 0.0).collect();
     if !lit.contains(&true) || mesh.nodes.iter().all(|node| node.intensity != 0.0) {
@@ -100,8 +99,8 @@ pub(super) fn settle(mesh: &mut Mesh, columns: usize, rows: usize) -> usize {
     unknown.len()
 }
 
-/// Which places outside of a picture are strays: marks of nodes without a place, which do not continue those of their
-/// neighbours. `places`: those of the lattice's nodes, row by row, if they have one; `inside`: those in the picture.
+/// Returns which places outside of a picture are strays: placeholders of nodes without a place, which do not continue the places of their neighbours.
+/// `places` has the places of the lattice's nodes, row by row, `None` for nodes without one; `inside` marks those in the picture.
 pub(super) fn strays(places: &[Option<DVec2>], columns: usize, inside: &[bool]) -> Vec<bool> {
     let contents = places.iter().map(|place| place.unwrap_or_default()).collect();
     let lattice = Lattice { contents, columns, rows: places.len() / columns };

@@ -89,7 +89,7 @@ impl<'a, 'input> Element<'a, 'input> {
             .ok_or_else(|| Fault::new(&self.place, format!("the attribute {name} is missing"), "it is required"))
     }
 
-    /// The text content; comments within it separate nothing.
+    /// The text content; comments within it do not separate words.
     pub fn text(&self) -> Cow<'a, str> {
         let mut texts = self.node.children().filter(Node::is_text).filter_map(|node| node.text());
         match (texts.next(), texts.next()) {
@@ -106,7 +106,7 @@ impl<'a, 'input> Element<'a, 'input> {
         Ok(self.child(name)?.map(|child| child.text()))
     }
 
-    /// The same in small letters, for one of several words.
+    /// The same in lower case, for keywords.
     pub fn child_word(&self, name: &str) -> Result<Option<String>, Fault> {
         Ok(self.child_text(name)?.map(|text| text.to_ascii_lowercase()))
     }

@@ -50,12 +50,12 @@ pub enum CheckError {
     Missing(&'static str),
 }
 
-/// See the module head.
+/// Input of a check; see the documentation of the module.
 pub struct Context<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
-    /// Settings of frames. Glare, which takes light from stars, is off until a glare check sets it; stars of every
-    /// magnitude are drawn until a check limits them.
+    /// Settings of frames. Glare takes light from stars, so it is off until a glare check sets it. Stars of every magnitude are drawn until a check
+    /// limits them.
     pub settings: RenderSettings,
     /// The glare under test.
     pub glare: GlareSettings,
@@ -81,9 +81,8 @@ impl<'a> Context<'a> {
         self.settings.stars.method
     }
 
-    /// Share of a star's light that its kernel has inside of a picture, far from all borders that the kernel does not
-    /// reach. It is 1, except for the method whose kernel is round in the sky: in wide flat views it extends outwards
-    /// over hundreds of pixels.
+    /// Share of a star's light that falls inside of a picture. It is 1 for a star whose kernel does not reach the border. The exception is the method
+    /// whose kernel is round in the sky: in wide flat views its kernel extends outwards over hundreds of pixels.
     pub fn share_inside(&self, mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
         if self.method() != StarMethod::PixelGaussian {
             return 1.0;
@@ -109,8 +108,7 @@ impl<'a> Context<'a> {
         light_of_views_lx(&frame, rig)
     }
 
-    /// Factor for measured light before it is judged: 1, or for methods of relative brightness the best fit to pairs of
-    /// measured and expected light.
+    /// Factor on measured light before it is compared: 1, or for methods of relative brightness the best fit to pairs of measured and expected light.
     pub fn scale(&self, pairs: &[(f64, f64)]) -> Result<f64, CheckError> {
         if self.method().is_relative() { Ok(metrics::fitted_scale(pairs)?) } else { Ok(1.0) }
     }

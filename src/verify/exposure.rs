@@ -1,4 +1,4 @@
-//! Robustness of exposure: the same picture cut into faces and windows, and seen by a rolled head.
+//! Robustness of exposure: compares the same picture cut into faces and windows, and seen by a rolled head.
 
 use glam::{DQuat, DVec3};
 

@@ -49,8 +49,8 @@ fn mapping_of(kind: &ViewKind) -> Result<Perspective, CheckError> {
     Ok(Perspective::off_axis(*size, fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad)?)
 }
 
-/// Shows one star at many sub-pixel positions at the centre of a window; `look` gets each image, the star's position in
-/// pixels and its direction in the view.
+/// Draws one star at many sub-pixel positions at the centre of a window. Passes each image, the star's position in pixels and its direction in the
+/// view to `look`.
 fn pan(
     context: &mut Context<'_>,
     kind: &ViewKind,
@@ -196,7 +196,7 @@ pub(super) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckE
         let (mut ellipticities, mut narrow_px) = (Vec::new(), Vec::new());
         pan(context, &kind, MAGNITUDE, 60, |image, place, direction| {
             narrow_px.push(shape_px(image, place, 100.0)?.minor);
-            // A point has no shape to judge.
+            // A point has no shape to measure.
             ellipticities.extend(shape_rad(&[*image], direction, 0.2)?.ellipticity());
             Ok(())
         })?;

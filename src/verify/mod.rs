@@ -1,9 +1,8 @@
 //! The failure tests: known weaknesses of drawing methods, each a check with a number and a limit.
 //!
-//! A check renders with the given [`Renderer`] and settings, so that `stars.method` selects the method under test.
-//! Images are judged by [`crate::metrics`]; solid angles come from f64. Methods of relative brightness are judged after
-//! fitting one scale; a check of catalogue stars does not apply to a method that draws its own stars. A check that
-//! cannot run counts as failed, and the others continue.
+//! A check renders with the given [`Renderer`] and settings, so that `stars.method` selects the method under test. Images are measured by
+//! [`crate::metrics`]; solid angles come from f64. Methods of relative brightness are compared after fitting one scale; a check of catalogue stars
+//! does not apply to a method that draws its own stars. A check that cannot run counts as failed, and the others continue.
 //!
 //! There is one file per group of checks; [`checks`] lists all of them. `scenes` contains the artificial skies and
 //! views, which tests also use.
@@ -125,7 +124,7 @@ pub struct CheckResult {
     pub outcome: Outcome,
     /// Measured figures.
     pub figures: Vec<Figure>,
-    /// Reason why there are no figures.
+    /// Reason for missing figures.
     pub message: Option<String>,
     /// Duration, s.
     pub seconds: f64,

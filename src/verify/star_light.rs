@@ -1,4 +1,4 @@
-//! The light of stars: every view shows the illuminance of the catalogue, wherever the star is.
+//! The light of stars: checks that every view shows the illuminance of the catalogue, wherever the star is.
 
 use std::f64::consts::PI;
 

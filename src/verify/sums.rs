@@ -26,8 +26,8 @@ fn small_rig() -> Result<Rig, CheckError> {
     Ok(rig([("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.0096 })])?)
 }
 
-/// Light of a crowd in one pixel divided by the light of one of its stars, drawn alone, times their number. A method of
-/// relative brightness can thus be judged too; the error against the catalogue is included.
+/// Ratio of the light of a crowd in one pixel to the light of one of its stars, drawn alone, times the number of stars. Methods of relative
+/// brightness can be measured in this way too. The error relative to the catalogue is included.
 fn crowd(context: &mut Context<'_>, count: usize, magnitude: f32) -> Result<f64, CheckError> {
     let rig = small_rig()?;
     let light = context.light_lx(&snapshot(vec![star(DVec3::NEG_Z, magnitude); count]), &rig)?[0];
@@ -138,7 +138,7 @@ pub(super) fn overflow(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
         Err(CheckError::Render(RenderError::Overflow(_))) => 0.0,
         Err(error) => return Err(error),
         Ok(frame) => match light_of_views_lx(&frame, &rig) {
-            // Values that are not finite are not light, and the frame was not refused.
+            // The frame has values that are not finite, but was not refused.
             Err(CheckError::Metric(MetricError::NotLight { .. })) => 1.0,
             Err(error) => return Err(error),
             Ok(light) => {

@@ -9,7 +9,7 @@ use winit::window::Window;
 
 use super::{monitors::MonitorReport, statistics::WindowState};
 
-/// A window in the state set by the events.
+/// State of a window, as set by events.
 #[derive(Clone, Debug)]
 pub(super) struct DeskWindow {
     /// `None`: the window is not open yet.

@@ -86,7 +86,7 @@ pub trait Host: Send + Sync {
     /// The presenting thread, which calls this, begins.
     fn presenting_began(&self) {}
 
-    /// The presenting thread has ended, also by a panic: no frame is prepared any more. Must not block.
+    /// The presenting thread has ended, possibly by a panic: no further frames are prepared. Must not block.
     fn presenting_ended(&self) {}
 
     /// Receives a command. Must not block.

@@ -280,7 +280,7 @@ impl Presenter {
         }
     }
 
-    /// What a window has to show with this new frame; `None`: it shows that already.
+    /// Content that a window must show with this new frame; `None`: it shows that already.
     fn due(&self, desk: &DeskState, index: usize, number: Option<u64>) -> Option<Due> {
         let place = &self.places[index];
         let black = desk.blackout || place.no_view || place.is_black;

@@ -23,7 +23,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Records a frame that was presented; the monitor refreshes every `period`, if that is known and waited for.
+    /// Records a frame that was presented. `period` is the monitor's refresh period, if it is known and frames wait for refreshes.
     pub(super) fn presented(&mut self, now: Instant, frame_number: u64, period: Option<Duration>) {
         self.frames += 1;
         self.frame_number = frame_number;

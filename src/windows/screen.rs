@@ -140,7 +140,7 @@ impl Screen {
 
     /// Uploads the texels of an image, which the screen shows from the next drawing on.
     pub(super) fn fill(&mut self, gpu: &WindowGpu, size: [u32; 2], texels: &[u8]) {
-        // Its texture is filled again: nothing else is drawn before.
+        // The texture of the old picture can be filled again: nothing else is drawn before that.
         self.spare.extend(self.picture.take());
         let picture = self.upload(gpu, size, texels);
         self.picture = Some(picture);

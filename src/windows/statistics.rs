@@ -71,8 +71,7 @@ pub struct WindowFigures {
     pub frames: u64,
     /// `None`: there are no two consecutive frames yet.
     pub intervals: Option<Intervals>,
-    /// Refreshes without a new frame between two frames, if images wait for refreshes; `None`: it does not wait, or the
-    /// rate is unknown.
+    /// Refreshes without a new frame between two frames, if images wait for refreshes; `None`: images do not wait, or the rate is unknown.
     pub missed: Option<u64>,
 }
 

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use super::host::Flight;
 use crate::plan::settings::HeadsetSettings;
 
-/// The four controls of flight, of both controllers together: their state, or an action or a path for each.
+/// The four controls of flight on both controllers. The type parameters determine what is stored for each control: its state, an action, or a path.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(super) struct Controls<Stick = [f64; 2], Trigger = f64> {
     /// Right and forwards, each -1 to 1.

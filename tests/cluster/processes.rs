@@ -71,7 +71,7 @@ impl Process {
         Self::spawn_program(env!("CARGO_BIN_EXE_steradian"), folder, configuration, arguments)
     }
 
-    /// The same of another program.
+    /// The same with another program.
     pub fn spawn_program(program: &str, folder: &Path, configuration: &str, arguments: &[&str]) -> Self {
         let mut child = Command::new(program)
             .args(["--log", "info", "serve", "--config", configuration, "--listen", "127.0.0.1:0"])

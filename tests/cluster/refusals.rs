@@ -34,7 +34,7 @@ async fn another_configuration_is_refused_with_the_difference() {
     director.wait_for_log("node `right` is refused: the node has another configuration");
     right.wait_for_log("the director refuses this node: the node has another configuration");
     right.stats_when("refused", |cluster| cluster.state == "refused" && !cluster.reason.is_empty()).await;
-    // With the right one it is welcome.
+    // With the right configuration it takes part.
     drop(right);
     let _right = Process::node(folder, "right");
     director.all_in().await;
@@ -121,7 +121,7 @@ async fn certificates_of_the_authority_lead_and_others_are_counted_and_named() {
     director.stats_when("one more", more).await;
     without_certificate(folder, port);
     let none = |cluster: &proto::ClusterStats| cluster.reason.contains("no certificates");
-    director.stats_when("told that a certificate is missing", none).await;
+    director.stats_when("without a certificate", none).await;
     own.issue(folder, "right", "right");
     let _right = Process::node(folder, "right");
     director.all_in().await;

@@ -74,18 +74,18 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     let elsewhere = of_left.render_frame("of_right", Encoding::Rgba8).await.unwrap_err().to_string();
     assert!(elsewhere.contains("left"), "{elsewhere}");
 
-    // A killed node is left out; with one of two nodes there is no majority, and the other holds.
+    // A killed node is left out. One of two nodes is not a majority, so the other node holds its picture.
     left.kill();
     director.stats_when("left out", |cluster| cluster.nodes[0].state == "absent").await;
     director.stats_when("without majority", |cluster| cluster.counts["skipped_quorum"] > 2).await;
-    // It is taken back when it has started again, with the scene of the director.
+    // When it has started again, it rejoins with the scene of the director.
     let left = Process::node(folder, "left");
     let stats = director.all_in().await;
     assert!(stats.nodes.iter().all(|node| node.scene_hash == stats.scene_hash), "{stats:#?}");
     assert!(stats.nodes[0].out >= 1, "{stats:#?}");
     director.advances(5).await;
 
-    // Without a director the nodes hold; another one takes a higher epoch and leads them on.
+    // Without a director the nodes hold their pictures; another director takes a higher epoch and leads them.
     let epoch = stats.epoch;
     director.kill();
     left.stats_when("looking", |cluster| cluster.state == "looking").await;
@@ -96,7 +96,7 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     right.stats_when("led", |cluster| cluster.state == "led" && cluster.epoch == stats.epoch).await;
 }
 
-/// Output of `cluster check` that waits for some seconds, and whether all is in order.
+/// Runs `cluster check` with a waiting time in seconds; returns its output, and whether it reports that all is in order.
 fn checked(folder: &Path, address: &str, wait: &str) -> (String, bool) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
     command.args(["cluster", "check", "--config", "cluster.toml", "--connect", address, "--wait", wait]);
@@ -120,7 +120,7 @@ async fn a_check_finds_an_absent_node_and_a_director_that_does_not_answer() {
         assert!(is_fine && text.contains("ok    node right: in"), "{text}");
         assert!(text.contains("clock of this machine"), "{text}");
     }
-    // Nobody listens there: the nodes were not asked for, so nothing says that they are in order.
+    // No process listens there: the nodes were not queried, so the output does not say that they are in order.
     let (text, is_fine) = checked(folder, &format!("127.0.0.1:{}", free_port()), "0.5");
     assert!(!is_fine && text.contains("WRONG director at 127.0.0.1:"), "{text}");
     let (text, is_fine) = checked(folder, "unix:none.socket", "0");
@@ -156,7 +156,7 @@ async fn streams_are_black_after_hold_s_without_a_director() {
     director.all_in().await;
     let mut stream = left.client().await.stream_frames("of_left", Encoding::Rgba8, 0.0).await.unwrap();
     let is_black = |frame: &ReceivedFrame| pixels(frame).chunks(4).all(|pixel| pixel == [0, 0, 0, 255]);
-    // A machine with other work may have been black before.
+    // On a busy machine the stream may have been black before.
     while is_black(&stream.next().await.unwrap().unwrap()) {}
     director.kill();
     let black = async { while !is_black(&stream.next().await.unwrap().unwrap()) {} };

@@ -11,7 +11,7 @@ use svg::{
 use crate::layering::{CRATES, LAYERS};
 
 const FILE: &str = "docs/images/architecture.svg";
-/// Columns: the folder of the sources, the title and what the crate is for.
+/// Columns: the folder of the sources, the title and the purpose of the crate.
 const TITLES: [(&str, &str); CRATES.len()] = [
     ("steradian-lock", "frame lock of machines"),
     ("steradian-sky", "the sky without a GPU"),

@@ -197,7 +197,7 @@ fn mistakes_in_blends_are_recognised() {
     };
     assert_found("masks left out", &change(&|_, region| region.alpha = None), "blend", "no projector has a blend mask");
 
-    // Five projectors, so that not all masks are alike.
+    // With five projectors the masks differ.
     let mut five = projectors.clone();
     five.remove(3);
     let mut swapped = regions(&set().bytes(&five), &ReadOptions::default());

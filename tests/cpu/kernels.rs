@@ -135,7 +135,7 @@ fn bodies_missing_from_kernels_are_refused() {
         (
             "kernels = ['cut.bsp']",
             body("x", -82),
-            vec!["scene.kernels", "cut.bsp", incomplete, "385 to 396", "has 394"],
+            vec!["scene.kernels", "cut.bsp", incomplete, "385 to 396", "has only 394"],
         ),
         ("kernels = ['cut-in-summaries.bsp']", body("x", -82), vec!["cut-in-summaries.bsp", incomplete]),
         ("kernels = ['cut-in-head.bsp']", body("x", -82), vec!["cut-in-head.bsp", incomplete]),

@@ -140,7 +140,7 @@ fn techniques() -> &'static [String] {
     &TECHNIQUES
 }
 
-/// Why a module of `service` may not import a name of `service`; `None`: it may.
+/// Returns the reason why a module of `service` may not import a name of `service`, or `None` if it may.
 fn service_breach(importer: &str, imported: &str) -> Option<String> {
     let position = |module: &str| SERVICE.iter().position(|known| *known == module);
     let is_known = position(importer).is_some() || SERVICE_PAIRS.iter().any(|(known, _)| *known == importer);
@@ -466,7 +466,7 @@ mod the_check_itself {
         }
     }
 
-    /// The machine's clock may be set at any time: what runs follows the time of the daemon.
+    /// The machine's clock may be set at any time, so running code uses the daemon's time instead.
     #[test]
     fn only_the_time_source_of_the_service_reads_the_machines_clock() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/service");

@@ -345,10 +345,10 @@ fn cardinal_points_and_labels_by_azimuth_stand_above_the_ground() {
     }
     // Eight points of one or two letters, each with an edge, and the south on both sides of the seam.
     assert!((24..=26).contains(&compass.len()), "{}", compass.len());
-    // Not lifted by the air: its altitude is apparent. A label stands above and to the right of its place.
+    // Refraction does not lift it, because its altitude is apparent. A label is above and to the right of its position.
     let label = glyphs("[[overlay.labels]]\nname = 'N'\nazimuth_deg = 20.0\naltitude_deg = 0.0\nsize_px = 6\n");
     assert!(label.len() == 2 && lies(&label, 21.5, 1.5, 4.0), "{label:?}");
-    // Azimuths of the grid are above the hills.
+    // The azimuth labels of the grid are above the hills.
     let numbers = glyphs("[[overlay.grids]]\nkind = 'horizon'\nspacing_deg = 90\n");
     assert!(lies(&numbers, 92.0, 14.0, 8.0) && !lies(&numbers, 92.0, 3.0, 8.0), "{numbers:?}");
     for keys in
@@ -409,13 +409,13 @@ fn pictures_have_their_place_width_and_direction() {
         }
     };
     check(picture, &places, &[red, green, blue, white]);
-    // Its edges are half a degree inside and outside of half its width; a texel beyond fades.
+    // Nothing is drawn outside of the picture and its fading edges.
     check(picture, &[[-32.0, 20.0], [32.0, 20.0], [0.0, 52.0], [0.0, -12.0]], &[nothing; 4]);
     // The top turns to the left, on both sides of the seam, and under the zenith.
     check(&format!("{picture}roll_deg = 90\n"), &places, &[green, white, red, blue]);
     let south = picture.replace("azimuth_deg = 0", "azimuth_deg = 180");
     check(&south, &places.map(|[azimuth, altitude]| [azimuth + 180.0, altitude]), &[red, green, blue, white]);
-    // Right ascension rises to the left: the north celestial pole is up, at an altitude of 48 degrees in the north.
+    // Right ascension increases to the left: the north celestial pole is up, at an altitude of 48 degrees in the north.
     let config = Config::from_text(PLACE, "test.toml", Path::new("/sky"), &[]).unwrap();
     let camera = config.camera().unwrap();
     let south = camera.world_from_camera * direction_from_camera(180.0, 40.0);

@@ -1,5 +1,6 @@
-//! Proves that code which depends on the operating system is only in modules called `platform`: `cfg` of systems, the standard library's and tokio's
-//! modules of single systems, crates of single systems, and paths such as `/proc`. Tests and benchmarks run on Linux and are not examined.
+//! Proves that code which depends on the operating system is only in modules called `platform`: `cfg` predicates that name systems, modules of the
+//! standard library and of tokio for particular systems, crates for particular systems, and paths such as `/proc`. Tests and benchmarks run on Linux
+//! and are not examined.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +19,7 @@ const PLATFORM: &str = "platform";
 /// Predicates of `cfg` that name systems.
 const PREDICATES: [&str; 6] = ["unix", "windows", "target_os", "target_family", "target_vendor", "target_env"];
 
-/// Crates of single systems.
+/// Crates for particular operating systems.
 const SYSTEM_CRATES: [&str; 12] = [
     "libc",
     "libsystemd",
@@ -34,7 +35,7 @@ const SYSTEM_CRATES: [&str; 12] = [
     "x11rb",
 ];
 
-/// Types and functions of single systems.
+/// Types and functions for particular operating systems.
 const SYSTEM_NAMES: [&str; 8] = [
     "RawWindowHandle",
     "UnixDatagram",
@@ -46,13 +47,13 @@ const SYSTEM_NAMES: [&str; 8] = [
     "ctrl_shutdown",
 ];
 
-/// Ends of the names of winit's traits for single systems.
+/// Ends of the names of winit's traits for particular operating systems.
 const EXTENSIONS: [&str; 4] = ["ExtX11", "ExtWayland", "ExtWindows", "ExtMacOS"];
 
-/// Starts of paths that exist on single systems.
+/// Starts of paths that exist only on particular operating systems.
 const SYSTEM_PATHS: [&str; 4] = ["\"/proc/", "\"/sys/", "\"/dev/", "\"C:\\"];
 
-/// Code of a source that depends on the operating system: the words found.
+/// Returns the words of a source that depend on the operating system.
 fn dependent_code(source: &str) -> Vec<String> {
     let tokens = tokens(source);
     let mut found = Vec::new();
@@ -84,7 +85,7 @@ fn dependent_code(source: &str) -> Vec<String> {
     found
 }
 
-/// Predicates of systems inside the parentheses that follow `cfg` or `cfg!`.
+/// Returns the predicates that name systems inside the parentheses that follow `cfg` or `cfg!`.
 fn predicates(after: &[Token]) -> impl Iterator<Item = &str> {
     let opens = after.iter().take(2).position(|token| *token == Token::Other('('));
     let inside = opens.map_or(&[][..], |opens| &after[opens..]);
@@ -132,7 +133,7 @@ fn examined() -> (Vec<String>, Vec<PathBuf>) {
 #[test]
 fn code_that_depends_on_the_system_is_in_modules_named_platform() {
     let (report, platform) = examined();
-    assert!(report.is_empty(), "code of single systems outside of `platform`:\n{}", report.join("\n"));
+    assert!(report.is_empty(), "code for particular operating systems outside of `platform`:\n{}", report.join("\n"));
     for file in ["crates/sky/src/platform.rs", "src/platform/unix/sockets.rs", "src/windows/platform/unix/x11.rs"] {
         assert!(platform.iter().any(|known| known == Path::new(file)), "{file} is not examined: {platform:?}");
     }

@@ -280,7 +280,7 @@ fn settings_make_a_texture() {
     let flat = PsfTextureSettings { width_arcmin: 0.0, ..settings.clone() }.texture().unwrap_err();
     assert!(flat.to_string().contains("pixel"), "{flat}");
 
-    // A file's own scale is used, and the width if it has none.
+    // The scale in a file is used, or the configured width if the file has no scale.
     let folder = tempfile::tempdir().unwrap();
     for (cards, arcsec) in [(&[SCALE][..], 0.25), (&[], 4.0 * 3600.0 / 4.0)] {
         let file = folder.path().join("picture.fits");

@@ -10,7 +10,7 @@ use naga::{
 };
 use steradian::render::shaders;
 
-/// What an entry point uses of the limited resources of an adapter.
+/// Limited resources of an adapter that an entry point uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Used {
     storage_buffers: u32,
@@ -37,7 +37,7 @@ const WEBGPU: Used = Used {
     invocations: 256,
 };
 
-/// Choices that adapters with more storage buffers get, each with one buffer more.
+/// Choices for adapters with more storage buffers; each uses one additional buffer.
 const WITH_MORE_BUFFERS: [&str; 3] = ["display/faint_map,", "display/shown,", "shared/tables_buffer"];
 
 impl Used {
@@ -47,7 +47,7 @@ impl Used {
         [storage_buffers, uniform_buffers, textures, groups, workgroup_bytes, uniform_bytes, invocations]
     }
 
-    /// Whether nothing exceeds `limits`, with `more` storage buffers more.
+    /// Whether no value exceeds `limits`, which are raised by `more` storage buffers.
     fn is_within(self, limits: Self, more: u32) -> bool {
         let limits = Self { storage_buffers: limits.storage_buffers + more, ..limits };
         self.fields().iter().zip(limits.fields()).all(|(used, limit)| *used <= limit)
@@ -88,14 +88,14 @@ fn used_by(text: &str) -> Used {
     Used::of(&module, &info)
 }
 
-/// Number of choices of a shader that only adapters with more storage buffers get.
+/// Number of a shader's choices that are only for adapters with more storage buffers.
 fn more_buffers(shader: &str) -> u32 {
     let choices = format!("{shader},");
     WITH_MORE_BUFFERS.iter().filter(|choice| choices.contains(*choice)).count() as u32
 }
 
-/// Use of every entry point: the greatest of all variants that adapters with the default limits get, and the greatest number of
-/// storage buffers of all others.
+/// Resources that every entry point uses: the maximum over all variants for adapters with the default limits, and the maximum number of storage
+/// buffers over all other variants.
 fn table() -> String {
     let mut rows: BTreeMap<String, (Used, u32)> = BTreeMap::new();
     for shader in shaders().unwrap() {

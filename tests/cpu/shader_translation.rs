@@ -1,4 +1,4 @@
-//! Every shader can be translated for Direct3D and Metal. Metal has no 64-bit additions; the variants without them take their place.
+//! Every shader can be translated for Direct3D and Metal. Metal has no 64-bit additions, so it uses the variants without them.
 #![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use naga::{
@@ -10,7 +10,7 @@ use steradian::render::{Shader, shaders};
 /// Value of a constant without default: the number of a workgroup's invocations, a method, a law or a switch.
 const ANY_VALUE: f64 = 1.0;
 
-/// A module within the abilities of a language, with values for its constants.
+/// Parses a module that needs only the capabilities of a language, and gives its constants values.
 fn parsed(text: &str, able: Capabilities) -> Result<(naga::Module, ModuleInfo), String> {
     let module = naga::front::wgsl::parse_str(text).map_err(|error| error.to_string())?;
     let info = Validator::new(ValidationFlags::all(), able).validate(&module).map_err(|error| format!("{error:?}"))?;
@@ -21,7 +21,7 @@ fn parsed(text: &str, able: Capabilities) -> Result<(naga::Module, ModuleInfo), 
     Ok((module.into_owned(), info.into_owned()))
 }
 
-/// The Metal shading language of a shader, or why it has none.
+/// Translates a shader to the Metal shading language. The error gives the reason if this is impossible.
 fn metal(text: &str) -> Result<String, String> {
     let (module, info) = parsed(text, msl::supported_capabilities())?;
     let options = msl::Options { lang_version: (2, 4), fake_missing_bindings: true, ..msl::Options::default() };
@@ -34,7 +34,7 @@ fn metal(text: &str) -> Result<String, String> {
     }
 }
 
-/// The shading language of Direct3D of a shader, or why it has none. Version 6.6 has 64-bit atomics.
+/// Translates a shader to the shading language of Direct3D. The error gives the reason if this is impossible. Version 6.6 has 64-bit atomics.
 fn direct3d(text: &str, wide: bool) -> Result<String, String> {
     let able = hlsl::supported_capabilities();
     let (module, info) = parsed(text, if wide { able } else { able - Capabilities::SHADER_INT64_ATOMIC_ALL_OPS })?;

@@ -64,8 +64,8 @@ type WgslLayout = (usize, Vec<(String, usize)>);
 
 /// The layouts that naga computes for the structures in buffers.
 fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
-    // Structs in buffers, at any depth; other structs, including those in workgroup memory, stay inside a shader and
-    // have no counterpart.
+    // Only structs in buffers, at any depth. Other structs, including those in workgroup memory, exist only inside a shader and have no counterpart
+    // in Rust.
     let of_buffers =
         module.global_variables.iter().filter(|(_, variable)| variable.space != naga::AddressSpace::WorkGroup);
     let mut held: Vec<_> = of_buffers.map(|(_, variable)| variable.ty).collect();

@@ -38,8 +38,8 @@ fn body<'a>(objects: &'a SceneObjects, name: &str) -> &'a Body {
 
 const GREENWICH: &str = "[scene.observer]\nlatitude_deg = 51.4779\nlongitude_deg = 0.0\nheight_m = 46\n";
 
-/// Share of the light that Titan reflects back to the Sun in the shadow of a Saturn with these radii: rays from parts of its disc, weighted
-/// as by a Lambert sphere, to parts of the Sun's disc, which an ellipsoid hides or not.
+/// Share of its light that Titan still reflects back to the Sun in the shadow of a Saturn with these radii. Traces rays from parts of Titan's disc,
+/// weighted as for a Lambert sphere, to parts of the Sun's disc, and counts those that the ellipsoid does not block.
 fn light_of_titan(objects: &SceneObjects, saturn_radii_m: DVec3) -> f64 {
     let [sun, saturn, titan] = ["sun", "saturn", "titan"].map(|name| body(objects, name));
     let (side, up) = (sun.position_m - titan.position_m).normalize().any_orthonormal_pair();
@@ -80,7 +80,7 @@ fn saturn_s_flattening_leaves_light_on_titan_in_the_eclipse_of_october_2024() {
         let [expected, of_sphere] = [radii_m, DVec3::splat(radii_m.x)].map(|radii_m| light_of_titan(&objects, radii_m));
         println!("{time}: {:.3} of the light, summed {expected:.3}, behind a sphere {of_sphere:.3}", drawn / whole);
         assert!((drawn / whole - expected).abs() < 0.02, "{time}: {} {expected}", drawn / whole);
-        // A sphere leaves nothing where Saturn leaves a third.
+        // Behind a sphere no light is left where a third is left behind Saturn.
         assert_eq!(expected < 0.5 && of_sphere < 0.001, is_deep, "{time}: {expected} {of_sphere}");
     }
 }

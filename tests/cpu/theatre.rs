@@ -204,7 +204,7 @@ fn mpcdi_sl_has_its_own_units_eye_and_axes() {
     region.grid.interpolation = Interpolation::Smooth;
     assert_error("MPCDI sl, 65 x 65", error_px(region, &all[3]), SL_PX);
     assert!(calibration.notes.iter().any(|note| note.contains("floorCenter")), "{:?}", calibration.notes);
-    // In metres, the eye would be next to points 8 km away.
+    // Read as metres, the points would be 8 km away from the eye.
     set.warp = String::new();
     let metres = read_bytes(&set.bytes(&all), &options).unwrap();
     assert!(error_px(&metres.regions[0], &all[3]) > 100.0);
@@ -248,7 +248,7 @@ fn mpcdi_2d_and_3d_use_the_frustum() {
         text.contains("lie outside of 0 to 1") && text.contains("not offsets") && text.contains("p0.pfm"),
         "{text}"
     );
-    // Unknown points and invalid ones are dark.
+    // Pixels of unknown and invalid points are dark.
     let holes = set.pfm.bytes(|i, j| match (i, j) {
         (0, 0) => [f64::NAN; 3],
         (1, 0) => [0.5, 0.5, 1.0],
@@ -515,7 +515,7 @@ fn words_and_paths_of_mpcdi_may_have_capitals_and_comments() {
         with(&|xml| xml.replace("SMOOTH", "smooth").replace(">MM<", ">mm<").replace("IdealEyepoint", "idealEyePoint"));
     let capitals = with(&|xml| xml.replace(r#"profile="a3""#, r#"profile="A3""#));
     assert_eq!(capitals.regions, plain.regions);
-    // A comment before the path dropped the warp map and the masks.
+    // A comment before the path once caused the warp map and the masks to be dropped.
     let comments = with(&|xml| xml.replace("<path>", "<path><!-- p1 -->"));
     assert_eq!(comments.regions, plain.regions);
     assert!(plain.regions[0].alpha.is_some() && plain.regions[0].beta.is_some());

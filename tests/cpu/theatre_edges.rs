@@ -1,5 +1,5 @@
-//! Where the light of a raster ends: at the edge of the content, pixel by pixel, as in the programs that calibrations are
-//! made for; triangle meshes adjusted by hand; fisheyes up to 360 degrees.
+//! The light of a raster ends at the edge of the content, pixel by pixel, as in the programs that calibrations are made for; triangle meshes adjusted
+//! by hand; fisheyes up to 360 degrees.
 
 use std::f64::consts::PI;
 
@@ -33,7 +33,7 @@ fn fisheye(fov_deg: f64) -> String {
     format!(r#"{{"type":"FisheyeProjection","fov":{fov_deg},"tilt":0}}"#)
 }
 
-/// Number of pixels that are lit although their place (0 to 1, right and up) is outside, or dark although it is inside.
+/// Number of pixels that are lit although their position (0 to 1, right and up) is outside, or dark although it is inside.
 fn wrong_pixels(region: &Region, is_lit: impl Fn(DVec2) -> bool) -> usize {
     let warp = region.warp().unwrap();
     let [width, height] = region.size_px;
@@ -94,7 +94,7 @@ fn a_flat_picture_ends_at_0_and_1() {
         let is_lit = |at: DVec2| in_square(place(at.x, 1.0 - at.y));
         assert_eq!(wrong_pixels(&region, is_lit), 0, "{beyond} {mesh:?}");
     }
-    // A mesh that is no lattice: one node is shifted.
+    // A mesh that is not a lattice: one node is shifted.
     let place = |x: f64, y: f64| DVec2::new(x, 1.0 - y) * 1.2 - 0.1;
     let shifted = csv(17, 9, place).replacen("0.5000000;0.5000000;0.5000000", "0.5020000;0.5000000;0.5024000", 1);
     let (region, notes) = with_mesh([96, 54], PLANAR, &shifted);
@@ -145,13 +145,13 @@ fn nodes_marked_unlit_darken_their_cells_and_marks_outside_too() {
     // Four cells of four pixels a side around the middle.
     let is_lit = |at: DVec2| in_circle(at) && (at - 0.5).abs().max_element() > 4.0 / 64.0;
     assert_eq!(wrong_pixels(&region, is_lit), 0);
-    // A mark of -1 instead of coordinates in a lattice: the cells around it are dark, and it bends no others.
+    // A mark of -1 instead of coordinates in a lattice: the cells around it are dark, and other cells are not bent.
     let marked = csv(17, 9, |x, y| if x == 0.5 && y == 0.5 { DVec2::splat(-1.0) } else { DVec2::new(x, 1.0 - y) });
     let (region, notes) = with_mesh([64, 32], PLANAR, &marked);
     assert!(notes.iter().any(|note| note.contains("do not continue their neighbours")), "{notes:?}");
     let is_lit = |at: DVec2| (at.x - 0.5).abs() > 1.0 / 16.0 || (at.y - 0.5).abs() > 1.0 / 8.0;
     assert_eq!(wrong_pixels(&region, is_lit), 0);
-    // Pixels as coordinates show nothing.
+    // A mesh whose coordinates are pixels is refused.
     let json = sgct([64, 32], PLANAR, r#","mesh":"mesh""#);
     let pixels = csv(17, 9, |x, y| DVec2::new(64.0 * x + 2.0, 32.0 * y + 2.0));
     let error = read_files(&[("set", json.as_bytes()), ("mesh", pixels.as_bytes())], &ReadOptions::default());
@@ -228,7 +228,7 @@ fn fisheyes_of_up_to_360_degrees_are_read() {
         assert!(apex.distance(DVec2::splat(middle)) < 0.01, "{apex}");
         for angle in [0.2, 0.5, 0.9, 0.98] {
             let theta = angle * fov_deg.to_radians() / 2.0;
-            // The right side of the picture.
+            // A direction to the right of the apex is found on the right side of the picture.
             let found = table.lookup(DVec3::new(theta.sin(), theta.cos(), 0.0)).unwrap();
             let expected = DVec2::new(middle * (1.0 + angle), middle);
             assert!(found.distance(expected) < 0.05, "{fov_deg} {angle}: {found}, not {expected}");

@@ -125,11 +125,11 @@ fn names_that_no_view_can_have_are_replaced_with_a_note() {
     let long = found(&"projector-".repeat(8));
     let title = long.regions[0].title.clone().unwrap();
     assert!(title.len() <= 64 && title.starts_with("projector-projector-"), "{title}");
-    assert!(long.notes.iter().any(|note| note.contains("stands for `projector-")), "{:?}", long.notes);
+    assert!(long.notes.iter().any(|note| note.contains("is `projector-")), "{:?}", long.notes);
     let other = found("\u{5de6}");
     assert_eq!(other.regions[0].title.as_deref(), Some("0_0_0"));
-    assert!(other.notes.iter().any(|note| note.contains("the view 0_0_0 stands for `\u{5de6}`")), "{:?}", other.notes);
-    assert!(!found("Left one").notes.iter().any(|note| note.contains("stands for")));
+    assert!(other.notes.iter().any(|note| note.contains("the view 0_0_0 is `\u{5de6}`")), "{:?}", other.notes);
+    assert!(!found("Left one").notes.iter().any(|note| note.contains("in the file: a view's name")));
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn shifts_of_simcad_move_the_points_of_the_picture() {
     };
     let json = sgct(SIZE, PLANAR, r#","mesh":"mesh""#);
     assert_planar(&one(&[("set", json.as_bytes()), ("mesh", mesh(&zeros).as_bytes())]), 0.0, 0.0);
-    // The middle column moves by a tenth of the raster to the right: the middle shows what was to its left.
+    // The middle column moves by a tenth of the raster to the right: the middle shows the content that was to its left.
     let moved = one(&[("set", json.as_bytes()), ("mesh", mesh("0 1 0 0 1 0 0 1 0").as_bytes())]);
     let middle = moved.grid.samples[(moved.grid.rows / 2) * moved.grid.columns + moved.grid.columns / 2].unwrap();
     let x = (moved.grid.columns / 2) as f64 + 0.5;
@@ -233,7 +233,7 @@ fn masks_of_sgct_multiply_the_codes() {
         read_files(&[("set", set.as_bytes()), (name, &grey(128))], &sized())
     };
     let set = files("m.png").unwrap();
-    for part in ["m.png, whose name has other capitals", "overlay: its picture is not imported"] {
+    for part in ["m.png, whose name has different capitals", "overlay: its picture is not imported"] {
         assert!(set.notes.iter().any(|note| note.contains(part)), "{part}: {:?}", set.notes);
     }
     assert!(set.regions[0].alpha.as_ref().unwrap().values.iter().all(|value| (value - expected).abs() < 1e-6));
@@ -251,7 +251,7 @@ fn viewports_of_sgct_for_one_eye_are_read_and_stereo_windows_say_why_not() {
     };
     let grid = |json: &str| one(&[("set", json.as_bytes())]).grid.samples;
     let origin = user(r#"{"x":0,"y":1,"z":0}"#, "");
-    // An eye is where a user half the separation to the side would be.
+    // An eye is at the position of a user who is displaced sideways by half the separation.
     for (eye, x) in [("left", "-0.04"), ("Right", "0.04"), ("center", "0")] {
         let beside = user(&format!(r#"{{"x":{x},"y":1,"z":0}}"#), "");
         assert_eq!(grid(&json(eye, &origin)), grid(&json("center", &beside)), "{eye}");
@@ -303,7 +303,7 @@ fn the_orientation_of_the_scene_turns_the_directions_back() {
             &format!(r#""scene":{{"orientation":{{"yaw":0,"pitch":{pitch},"roll":0}}}},"users""#),
         )
     };
-    // A scene that is turned down shows what is above.
+    // If the scene is turned down, the picture shows what is above.
     assert_planar(&one(&[("set", scene(-27.0).as_bytes())]), 0.0, 27.0);
     assert_planar(&one(&[("set", scene(0.0).as_bytes())]), 0.0, 0.0);
     let yaw = scene(0.0).replace(r#""yaw":0,"pitch":0,"roll":0}},"users"#, r#""yaw":15,"pitch":0,"roll":0}},"users"#);
@@ -374,7 +374,7 @@ fn options_are_refused_where_they_have_no_effect() {
     let axes = ReadOptions { axes: Axes::parse("x=x,y=z,z=-y").unwrap(), ..sized() };
     let eye = ReadOptions { eye_m: DVec3::new(0.0, 0.5, 0.0), ..sized() };
     let fisheye = ReadOptions { tilt_deg: 20.0, ..sized() };
-    // Whether each has an effect.
+    // For each option, whether it has an effect.
     for (name, bytes, effects) in [
         ("planar", sgct_planar.as_bytes(), [false, false, true, false]),
         ("fisheye of SGCT", sgct_fisheye.as_bytes(), [false; 4]),
@@ -545,7 +545,7 @@ fn names_in_archives_may_differ_in_separators_capitals_and_folders() {
         assert!(found.regions[0].grid.samples[0].unwrap().abs_diff_eq(expected, 1e-6), "{path}");
     }
     assert!(read_files(&[("set", &set("mpcdi.xml", "p2.pfm", "p1.pfm", false))], &ReadOptions::default()).is_err());
-    // Zeros in several samples are no positions.
+    // Zeros in several samples are not positions.
     let found = read_files(&[("set", &set("mpcdi.xml", "p1.pfm", "p1.pfm", true))], &ReadOptions::default()).unwrap();
     assert_eq!(found.regions[0].grid.samples.iter().filter(|sample| sample.is_none()).count(), 4);
     // A frustum alone.
@@ -556,7 +556,7 @@ fn names_in_archives_may_differ_in_separators_capitals_and_folders() {
         zip.finish().unwrap().into_inner()
     };
     assert_planar(&one(&[("set", &described(""))]), 30.0, 20.0);
-    // A frustum with a <fileset> next to <files>, whose elements have empty paths.
+    // A frustum with a <fileset> next to <files>; the elements of <files> have empty paths.
     let empty = r#"<files></files><fileset region="r"><geometryWarpFile><path></path></geometryWarpFile><alphaMap>
         <gammaEmbedded>1.0</gammaEmbedded><path></path></alphaMap><distortionMap><path></path></distortionMap></fileset>"#;
     assert_planar(&one(&[("set", &described(empty))]), 30.0, 20.0);

@@ -1,4 +1,4 @@
-//! The chart: tiny runs of every axis, and scores that must tell correct methods from wrong ones.
+//! The chart: tiny runs of every axis, and scores that must distinguish correct methods from wrong ones.
 
 mod live;
 
@@ -67,7 +67,7 @@ fn tiny() -> Extent {
     }
 }
 
-/// Starts no daemon: for the axes that need none.
+/// Does not start a daemon; for the axes that need none.
 fn no_daemons(_: &LiveRequest<'_>) -> Result<Box<dyn LiveDaemon>, String> {
     Err("this axis needs no daemon".to_owned())
 }
@@ -190,7 +190,7 @@ fn the_procedural_sky_has_the_expected_errors_of_cones() {
     assert!(ellipticity > 0.1 && ellipticity < 1.0, "{ellipticity}");
 }
 
-/// Drawn directly into the pixels of a projector, stars keep their light, place and width; resampled they do not.
+/// Drawn directly into the pixels of a projector, stars keep their light, position and width; resampled they do not.
 #[test]
 #[ignore = "long: make test-all"]
 fn a_tiny_run_of_projectors_shows_the_errors_of_resampling() {
@@ -214,7 +214,7 @@ fn a_tiny_run_of_projectors_shows_the_errors_of_resampling() {
     assert!(read("index.html").contains("<td>resampled_double</td>"));
 }
 
-/// Makes a deep store of faint stars; those of the brightest ones are all resident.
+/// Makes a deep store of faint stars, of which the brightest are all resident.
 fn faint_store(folder: &Path) -> PathBuf {
     let out = folder.join("faint");
     let parameters = GalaxyParameters { stars: 30_000, seed: 3, fainter_than: Some(13.0), unresolved_light: false };
@@ -237,7 +237,7 @@ fn views_and_scale_have_their_figures_over_several_rounds() {
                 |row: &&Row| (&*row.method, row.items, &*row.error_metric) == (series, items, metric.name());
             rows.iter().find(of_metric).and_then(|row| row.error_value).unwrap_or_else(|| panic!("{series} {metric:?}"))
         };
-        // The brightest stars are all resident: nothing is read, and nothing stands for them.
+        // The brightest stars are all resident: nothing is read, and nothing replaces them.
         assert_eq!(value(2000, DeepMetric::ReadMib), 0.0);
         // 30,000 stars of 8 bytes, or fewer composite stars.
         let read = value(30_000, DeepMetric::ReadMib);

@@ -1,5 +1,5 @@
-//! Errors of display images against exact ones over many poses, by kind of place, and of the light of the brightest
-//! stars.
+//! Errors of display images, compared with exact ones over many poses: by kind of place, and for the light of the
+//! brightest stars.
 
 use std::f64::consts::{PI, TAU};
 

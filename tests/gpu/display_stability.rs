@@ -44,8 +44,8 @@ fn errors(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &
     (errors.iter().flatten().map(|error| *error as f32).collect(), display.views[0].stars_in_map)
 }
 
-/// Frames of a path that has 600: runs of consecutive ones, spread evenly over it. A change of the error is a matter of two
-/// consecutive frames, so runs find what the whole path would, in a quarter of its time.
+/// Returns the drawn frames of a path of 600 frames: runs of consecutive ones, spread evenly over it. A change of the error concerns two consecutive
+/// frames, so runs detect the same changes as the whole path, in a quarter of the time.
 fn runs() -> impl Iterator<Item = u32> {
     (0..PATH_FRAMES).filter(|frame| frame % RUN_EVERY < RUN_FRAMES)
 }

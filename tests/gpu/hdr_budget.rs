@@ -143,11 +143,11 @@ fn the_light_of_stars_is_exact_within_the_budget() {
     let worst = worst_light(&mut renderer, &[&set[..], &["glare.fraction=1e-6"]].concat());
     println!("{STARS} stars: largest relative error of their light {worst:.1e}");
     assert!(worst < 1e-4, "{worst}");
-    // The error of the veil below the faintest of them, which the budget allows, counts as their light.
+    // The budget allows an error of the veil behind the faintest of them, which counts as their light.
     let veiled = worst_light(&mut renderer, &set);
     println!("{STARS} stars with glare: largest relative error of their light {veiled:.1e}");
     assert!(veiled < 7e-4, "{veiled}");
-    // A map that takes brighter stars moves their light.
+    // A map that also contains brighter stars shifts their light.
     let coarse = worst_light(&mut renderer, &[&set[..], &["accuracy.hdr_floor_cd_m2=0.01"]].concat());
     assert!(coarse > 1e-3, "{coarse}");
 }

@@ -1,5 +1,5 @@
 //! Overlays on the adapter: display codes equal the CPU reference; lines have their position and width in every
-//! projection; bodies hide what is behind them; HDR images contain no overlays.
+//! projection; bodies hide overlays behind them; HDR images contain no overlays.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI},

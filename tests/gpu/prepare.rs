@@ -72,7 +72,7 @@ fn a_frame_creates_pipelines_that_were_not_prepared() {
 
 #[test]
 fn exact_images_have_their_pipelines_after_the_first_frame() {
-    // With smaller pictures, display images and exact ones are the same pictures.
+    // In even smaller pictures, display images and exact ones would be the same.
     let cases: [(&str, &[&str]); 2] = [
         ("dome.toml", &["views.dome.size=[256,256]"]),
         ("tonight.toml", &["views.dome.size=[256,256]", "views.south.size=[256,144]"]),

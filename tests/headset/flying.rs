@@ -78,7 +78,7 @@ impl Flyer {
 
     /// Returns the camera at some moment of a flight with the controllers in `state`, and some steps later.
     fn fly(&mut self, state: &RemoteState) -> [Camera; 2] {
-        // Set the head first: it steers from the next frame on.
+        // Set the head first, because it steers from the next frame on.
         self.rest(state.head);
         self.remote.send(state).unwrap();
         let cameras = [self.wait_for_steps(1), self.wait_for_steps(5)];
@@ -165,7 +165,7 @@ fn controllers_fly(monado: &'static Monado) {
     let step_s = angle_deg / TURN_DEG_S / steps as f64;
     assert!(step_range_s.contains(&step_s), "{step_s}");
 
-    // Forwards is the viewing direction of the turned wearer.
+    // The forward direction is the viewing direction of the turned wearer.
     let [before, after] = flyer.fly(&state(left, [[0.0, 1.0], rest], rest));
     let expected = before.world_from_camera * DVec3::NEG_X;
     assert!(((after.position_m - before.position_m).normalize() - expected).length() < 1e-6);

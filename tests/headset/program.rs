@@ -173,7 +173,7 @@ pub struct Resources {
     pub mappings: usize,
 }
 
-/// A running `serve` with a client in this process.
+/// A running `serve`, with a client in the test's process.
 pub struct Daemon {
     pub program: Program,
     client: Client,

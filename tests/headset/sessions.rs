@@ -79,8 +79,7 @@ fn example_is_shown(monado: &'static Monado) {
     assert_eq!((figures.sessions, figures.rendered, figures.left_out), (1, 5, 0), "{figures:?}");
 }
 
-/// `xr` fails if the scene cannot be drawn; `serve` reports the problem meanwhile, because a client may correct the
-/// scene.
+/// `xr` fails if the scene cannot be drawn; `serve` only reports the problem, because a client may correct the scene.
 fn scene_cannot_be_drawn(monado: &'static Monado) {
     let service = Service::remote(monado);
     let scene = format!("{SCENE}enabled = true\n[stars]\nmethod = 'cell_sky'\n[glare]\nmethod = 'sky_cube'\n");

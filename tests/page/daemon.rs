@@ -92,7 +92,7 @@ impl Daemon {
         self.restart();
     }
 
-    /// Restarts it with an observer in place of the camera.
+    /// Restarts it with an observer instead of the camera.
     pub fn restart_at(&mut self, observer: &str) {
         let (before, after) = CONFIGURATION.split_once("[scene.camera]").unwrap();
         let (_, views) = after.split_once("[[views]]").unwrap();

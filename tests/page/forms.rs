@@ -134,7 +134,7 @@ fn time_runs_and_rests_at_a_rate() -> Result<(), String> {
         page.fill("#panel-scene [name=time_rate]", "1200").await;
         page.click("#panel-scene form:nth-of-type(2) [type=submit]").await;
         page.until("document.getElementById('play').textContent === 'Pause'").await;
-        // The displayed time passes.
+        // The displayed time advances.
         page.until("document.querySelector('#panel-scene [name=time]').value > '2026-01-01T00:20:00Z'").await;
         let running = client.scene().await.unwrap();
         assert!(running.time_rate == 1200.0 && running.time_s > begin_s + 1000.0, "{running:?}");
@@ -144,7 +144,7 @@ fn time_runs_and_rests_at_a_rate() -> Result<(), String> {
         assert!(rests.time_rate == 0.0 && rests.time_s > running.time_s);
         page.click("#play").await;
         page.until("document.getElementById('play').textContent === 'Pause'").await;
-        assert_eq!(client.scene().await.unwrap().time_rate, 1200.0, "it goes on at the rate before");
+        assert_eq!(client.scene().await.unwrap().time_rate, 1200.0, "it continues at the previous rate");
     })
 }
 
@@ -196,7 +196,7 @@ fn views_are_created_and_deleted() -> Result<(), String> {
         assert_eq!((dome.size, dome.fov_deg, dome.tilt_deg), ([96, 96], 180.0, 30.0));
         page.click("#views input[value=preview]").await;
         page.until(&has_picture("preview")).await;
-        // Another client is faster: the view stays, and the list is read again.
+        // Another client changes the scene first: the view stays, and the list is read again.
         let other = SceneUpdate { magnitude_limit: Some(4.5), ..SceneUpdate::default() };
         page.until("document.querySelectorAll('#view-list li').length === 6").await;
         client.update_scene(&other, None).await.unwrap();

@@ -193,7 +193,8 @@ fn the_age_of_pictures_is_displayed() -> Result<(), String> {
         let text = page.run::<String>("return document.getElementById('age').textContent").await;
         assert!(text.starts_with("picture ") && text.contains(" old"), "{text}");
         let age_ms = page.run::<f64>("return Number(document.getElementById('age').dataset.ms)").await;
-        // Both clocks are this machine's. The age itself is not tested, but an offset of minutes would be wrong.
+        // Page and daemon use the same machine's clock. The age itself is not tested, but an offset of minutes would be
+        // wrong.
         assert!((-1000.0..60_000.0).contains(&age_ms), "{age_ms} ms");
         drag_a_star(page, Screen::Desk, "window", "[data-view=window] canvas", [0.1, 0.0]).await;
         page.until("document.getElementById('age').textContent.includes('camera to screen')").await;
@@ -218,7 +219,7 @@ async fn pixels(page: &Browser) -> Vec<u8> {
     .await
 }
 
-/// Over the pixels of stars: root mean square of luma and of R - B, and of the errors of both.
+/// Root mean squares over the pixels of stars: of luma and R - B, and of the errors of both.
 fn errors(exact: &[u8], found: &[u8]) -> [f64; 4] {
     assert_eq!(exact.len(), found.len());
     let luma = |pixel: &[u8]| pixel.iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, w)| f64::from(*c) * w).sum::<f64>();

@@ -1,4 +1,4 @@
-//! A daemon that stops and comes back.
+//! A daemon that stops and starts again.
 
 use fantoccini::key::Key;
 use steradian::service::{CameraUpdate, Lease, digest_of};
@@ -16,7 +16,7 @@ pub const TESTS: &[Test] = &[
     ("session::without_the_lease_a_drag_moves_nothing_and_names_the_holder", another_client_steers),
 ];
 
-/// With a token, the page has the role view only.
+/// With this token, the page has only the `view` role.
 fn a_token() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {
         page.until(&has_picture("window")).await;
@@ -33,7 +33,7 @@ fn a_token() -> Result<(), String> {
         page.until("document.getElementById('age').textContent.startsWith('picture')").await;
         let frame = page.run::<String>(&format!("return {}", has_picture("window"))).await;
         page.until(&format!("{} !== '{frame}'", has_picture("window"))).await;
-        // The role view cannot steer.
+        // The `view` role cannot steer.
         page.until("[...document.querySelectorAll('.hold')].every(button => button.disabled)").await;
         assert!(page.find("#may-not-steer").await.is_displayed().await.unwrap());
         page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
@@ -44,7 +44,7 @@ fn a_token() -> Result<(), String> {
         page.until("document.getElementById('notices').textContent.includes('`screen` has the role view')").await;
         page.find("#logout").await.click().await.unwrap();
         page.until("!document.getElementById('login').hidden").await;
-        // After the first login of a page, no daemon is back.
+        // The first login of a page is not reported as the return of a daemon.
         enter("look").await;
         page.until("document.getElementById('age').textContent.startsWith('picture')").await;
         assert!(!page.run::<String>("return document.getElementById('notices').textContent").await.contains("is back"));

@@ -1,4 +1,4 @@
-//! What adapters get that offer less, and the same pictures on a second, independent driver.
+//! Fallbacks on adapters with fewer features, and the same pictures on a second, independent driver.
 
 use std::{
     fs::{self, File},
@@ -15,7 +15,7 @@ const SECOND_DRIVER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 /// A configuration, and overrides that make its views small.
 type Picture = (&'static str, &'static [&'static str]);
 
-/// Configurations with all kinds of objects. The second driver draws the first one alone: it compiles shaders for minutes.
+/// Configurations with all kinds of objects. The second driver draws only the first one, because it compiles shaders for minutes.
 const PICTURES: [Picture; 3] = [
     ("overlay", &["views.window.size=[320,200]", "views.dome.size=[192,192]", "views.cube.face_size=64"]),
     ("tonight", &["views.dome.size=[192,192]", "views.south.size=[256,144]"]),
@@ -102,7 +102,7 @@ fn codes(file: &Path) -> Vec<u8> {
     codes
 }
 
-/// Largest difference between two pictures, and the one that 99.9 % of the codes do not exceed.
+/// Largest difference between the codes of two pictures, and the 99.9 % quantile of the differences.
 fn code_differences(one: &[u8], other: &[u8]) -> [u8; 2] {
     assert_eq!(one.len(), other.len());
     let mut differences: Vec<u8> = one.iter().zip(other).map(|(a, b)| a.abs_diff(*b)).collect();
@@ -110,7 +110,8 @@ fn code_differences(one: &[u8], other: &[u8]) -> [u8; 2] {
     [differences[differences.len() - 1], differences[(differences.len() - 1) * 999 / 1000]]
 }
 
-/// Largest differences over all pictures of two adapters: light, relative; codes; codes of 99.9 % of the pixels.
+/// Largest differences over all pictures of two adapters: relative difference of light, largest difference of codes, and 99.9 % quantile of the
+/// differences of codes.
 fn differences(one: &Path, other: &Path, files: &[PathBuf]) -> (f64, u8, u8) {
     let (mut light, mut most, mut usual) = (0.0_f64, 0, 0);
     for file in files {

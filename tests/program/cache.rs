@@ -1,4 +1,4 @@
-//! What the program keeps between runs.
+//! Data that the program keeps between runs.
 
 use std::{
     ffi::OsString,
@@ -47,7 +47,7 @@ fn files(cache: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Notes of compiled shaders. Only drivers that keep compiled shaders have them.
+/// Notes of compiled shaders. They exist only for drivers that keep compiled shaders.
 fn shaders(cache: &Path) -> Vec<PathBuf> {
     files(cache).into_iter().filter(|path| path.to_string_lossy().contains("compiled-shader-")).collect()
 }
@@ -58,7 +58,7 @@ fn entries(cache: &Path) -> Vec<PathBuf> {
     files(cache).into_iter().filter(|path| !shaders.contains(path)).collect()
 }
 
-/// Name of the part that made an entry.
+/// Name of the part of the program that made an entry.
 fn part(path: &Path) -> String {
     path.file_name().unwrap().to_str().unwrap().rsplit_once('-').unwrap().0.to_owned()
 }
@@ -85,7 +85,7 @@ fn stars_are_kept_mended_and_switched_off() {
     assert_eq!(shaders(&cache), shaders_of_first, "the second run compiles the same shaders");
     assert!(fs::read(folder.path().join("out/v.png")).unwrap() == picture);
 
-    // Other inputs make other stars; the first ones stay.
+    // Other inputs give other stars; the entry of the first ones stays.
     let other = "scene.catalogues=[{ galaxy = { stars = 501, unresolved_light = false } }]";
     render(folder.path(), &cache, &["--set", other]);
     assert_eq!(entries(&cache).len(), 2);

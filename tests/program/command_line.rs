@@ -1,4 +1,4 @@
-//! The program as scripts see it: output streams and exit codes.
+//! The program's interface to scripts: output streams and exit codes.
 
 mod deep_stores;
 mod refusals;
@@ -222,7 +222,7 @@ fn render_bytes_do_not_depend_on_threads() {
         assert!(manifest["views"][0]["stars_in_map"].as_u64().unwrap() > 10_000, "the frame uses the map: {manifest}");
         assert!(first.get_or_insert_with(|| files.clone()) == &files, "{threads} threads");
     }
-    // The other written files do not matter either.
+    // The bytes of a file do not depend on which other files are written.
     let both = first.unwrap();
     for (kind, file, absent, expected) in
         [("png", "dome.png", "dome.exr", &both[0]), ("exr", "dome.exr", "dome.png", &both[1])]
@@ -311,13 +311,13 @@ fn manifest_has_exposure_per_view_and_explain_per_frame() {
     );
     let ev100 = |value: &serde_json::Value| value["exposure_ev100"].as_f64().unwrap();
     assert_eq!(ev100(&views[0]), -7.5);
-    // The manifest has the general exposure, which the other two views share: that of the first of them.
+    // The other two views share the general exposure, which the manifest has: that of the first of them.
     assert_eq!([ev100(&views[1]), ev100(&views[2])], [ev100(&manifest); 2]);
     assert!((views[1]["limiting_magnitude"].as_f64().unwrap() - 5.0).abs() < 1e-3, "{manifest}");
     assert_eq!(views[2]["plan"]["glare"].as_str().unwrap(), "none");
     let read = |name: &str| std::fs::read(folder.path().join("a").join(name)).unwrap();
     assert!(read("plain.png") != read("clear.png") && read("manual.png") != read("plain.png"));
-    // Alone, with the same settings, a view has the same files.
+    // A view that is drawn alone with the same settings has the same files.
     let alone = "[[views]]\nname = 'manual'\ntype = 'equirectangular'\nsize = [64, 32]\n[exposure]\nmode = 'manual'\nev100 = -7.5\n";
     std::fs::write(folder.path().join("alone.toml"), alone).unwrap();
     run(folder.path(), &["render", "--config", "alone.toml", "--out", "b"], 0);
@@ -353,7 +353,7 @@ fn render_exits_64_for_configuration_65_for_catalogues_69_for_adapters() {
     }
     assert!(!folder.path().join("out").exists());
     file("out", "a file at the path of the folder");
-    // A folder that cannot be written is found before anything is drawn: no star is loaded.
+    // A folder that cannot be written is detected before anything is drawn: no star is loaded.
     let no_folder = ["/proc/none"].into_iter().filter(|_| cfg!(target_os = "linux"));
     for out in ["out", "out/inner"].into_iter().chain(no_folder) {
         let (_, err) = run(folder.path(), &["render", "--out", out, "--config", "lost.toml"], 1);
@@ -407,7 +407,7 @@ fn shaders_are_read_from_a_folder_in_development() {
     };
     let render = ["render", "--config", "sky.toml", "--out", "out"];
 
-    // Copies of the built-in files: the program uses them and says so.
+    // The program uses copies of the built-in files, and reports this.
     let (code, out, err) = run(&["info"]);
     assert_eq!(code, Some(0), "{err}");
     assert!(out.contains("\nshaders    shaders (STERADIAN_SHADERS)\n"), "{out}");

@@ -137,7 +137,7 @@ fn on_earth(overlay: Value) -> Value {
     json!({ "overlay": overlay, "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
 }
 
-/// A look in whose frame the key of a range is.
+/// Returns a look whose frame has the key of a range.
 fn look_with(key: &str) -> Value {
     match key.rsplit('.').next().unwrap() {
         "azimuth_deg" | "altitude_deg" => json!({ "azimuth_deg": 0.0, "altitude_deg": 0.0 }),

@@ -227,7 +227,7 @@ impl Reader {
             return check(&command);
         }
         if command.starts_with("steradian serve") {
-            // A node joins the processes that run.
+            // A node joins the running processes, so they are not stopped.
             if !command.contains("--role node") {
                 self.stop()?;
             }
@@ -282,7 +282,7 @@ impl Reader {
             let logged = fs::read_to_string(&log).unwrap_or_default();
             format!("`{command}`: prints nothing: {error}\n{logged}")
         })?;
-        // A node has a free port.
+        // A node listens on a free port.
         let listening = line
             .strip_prefix("listening on ")
             .is_some_and(|address| address == self.address || command.contains("--role node"));

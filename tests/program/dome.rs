@@ -294,7 +294,7 @@ fn faults_of_calibrations_at_an_import_name_their_file() {
         code == 65 && log.contains("folded.pfm") && log.contains("folds") && !log.contains("new.toml"),
         "{code} {log}"
     );
-    // A raster of one pixel panicked.
+    // A raster of one pixel once caused a panic.
     for size in ["1x1", "1x48", "48x1"] {
         let (code, _, log) = import("left.pfm", &["--size", size]);
         assert!(code == 65 && log.contains("must be 2 to 16384 pixels per side"), "{size}: {code} {log}");

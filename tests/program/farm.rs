@@ -1,4 +1,5 @@
-//! The Slurm scripts in `scripts/farm/`, without Slurm: with the variables that it sets, the tasks of a job give the bytes of one program.
+//! The Slurm scripts in `scripts/farm/`, run without Slurm but with the variables that it sets: the tasks of a job give the same bytes as one
+//! program.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -24,7 +25,7 @@ fn steradian(folder: &Path, arguments: &[&str]) {
     assert!(output.status.success(), "{arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Names and bytes of the files in a folder but the lock.
+/// Names and bytes of the files in a folder, except the lock.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     names.filter(|name| name != ".film.lock").map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()
@@ -40,7 +41,7 @@ fn an_import_by_tasks_has_the_bytes_of_one_program() {
     for number in [3, 1] {
         import(number);
     }
-    // An unfinished part is not a part.
+    // An unfinished part does not count as a part.
     fs::create_dir(path.join("parts/2.partial")).unwrap();
     let said = task(path, "merge.sbatch", None, &["parts", "merged"], 64);
     assert!(said.contains("the cells 1024..2048 of 0..3072 are in none of the parts"), "{said}");

@@ -53,7 +53,7 @@ fn features_add_only_their_crates() {
     {
         assert_eq!(&crates_added_by(feature), crates_of_feature, "{feature}");
     }
-    // A cluster is of daemons. The network brings the last one.
+    // A cluster consists of daemons. The last crate comes with the network.
     assert_eq!(crates_added_by("cluster"), ["prost", "tokio", "tonic", "zenoh", "tracing-subscriber"]);
     // The program has all subcommands, so it needs all crates except those of the network between daemons.
     let all: Vec<&str> =

@@ -33,7 +33,7 @@ fn new_folder() -> tempfile::TempDir {
     folder
 }
 
-/// Names and bytes of all files in a folder but the lock.
+/// Names and bytes of all files in a folder, except the lock.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     names.filter(|name| name != ".film.lock").map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()
@@ -69,7 +69,7 @@ fn faults_are_found_and_a_repaired_film_has_the_same_bytes() {
     let (out, err) = film(folder.path(), &["status", "film", "--json", "status.json"], 1);
     for line in [
         "missing eyes.left_00000.png: it does not exist",
-        "damaged eyes.right_00001.png: it ends before its picture",
+        "damaged eyes.right_00001.png: it ends before the end of its picture",
         "damaged eyes.left_00002.png: the checksum of its part IDAT is wrong",
         "foreign eyes.left_00003.png: it is a whole picture, but not the one",
         "foreign eyes.left_00009.png: no run of this film drew this frame",
@@ -85,11 +85,13 @@ fn faults_are_found_and_a_repaired_film_has_the_same_bytes() {
         (&8.into(), &"damaged".into(), &false.into())
     );
 
-    // The file of the configuration changed since: the film stays as it was begun.
+    // The configuration file has changed since: the film continues with the configuration with which it was begun.
     fs::write(folder.path().join("sky.toml"), SCENE.replace("[48, 32]", "[64, 32]")).unwrap();
     let (out, err) = film(folder.path(), &["repair", "film"], 0);
     assert!(
-        out.contains("sky.toml changed since the film was begun; the film keeps the one that film.json has"),
+        out.contains(
+            "sky.toml changed since the film was begun; the film continues with the version recorded in film.json"
+        ),
         "{out}"
     );
     assert!(
@@ -101,7 +103,7 @@ fn faults_are_found_and_a_repaired_film_has_the_same_bytes() {
     let (out, _) = film(folder.path(), &["repair", "film"], 0);
     assert!(out.contains("0 frames drawn again, 0 files removed"), "{out}");
 
-    // A file that pictures depend on must be that of the film.
+    // A file that pictures depend on must be the one with which the film was begun.
     fs::remove_file(file("left", 0)).unwrap();
     fs::write(folder.path().join("more.csv"), "ra_deg,dec_deg,v_mag\n84,-2,3\n").unwrap();
     let (_, err) = film(folder.path(), &["repair", "film"], 65);
@@ -115,7 +117,7 @@ fn films_without_checksums_are_read_and_said_to_be_unverified() {
     let folder = new_folder();
     film(folder.path(), &draw("3..5", "film", &[]), 0);
     let dir = folder.path().join("film");
-    // As an earlier version leaves it.
+    // Make the folder like one of an earlier version.
     fs::remove_file(dir.join("film.sha256")).unwrap();
     let mut record: serde_json::Value = serde_json::from_slice(&fs::read(dir.join("film.json")).unwrap()).unwrap();
     for key in ["frames", "sources", "shutter"] {
@@ -124,7 +126,7 @@ fn films_without_checksums_are_read_and_said_to_be_unverified() {
     fs::write(dir.join("film.json"), serde_json::to_vec(&record).unwrap()).unwrap();
     let (out, _) = film(folder.path(), &["status", "film"], 0);
     assert!(out.contains("no film.sha256: an earlier version drew these frames"), "{out}");
-    assert!(out.contains("film.json does not have the range of its frames"), "{out}");
+    assert!(out.contains("film.json does not contain the range of frames"), "{out}");
     assert!(out.contains("frames 3..5, 4 files: 0 verified, 4 can be read but have no checksum, 0 missing"), "{out}");
     let before = contents(&dir);
     changed(&dir.join("eyes.left_00004.png"), |bytes| bytes[60] ^= 1);

@@ -1,4 +1,4 @@
-//! Daemons that another process runs for itself end with it, however it ends.
+//! A daemon that another process runs for its own use ends with that process, however that process ends.
 
 use std::{
     ffi::OsString,
@@ -11,7 +11,7 @@ use std::{
 
 use steradian::service::{DeliveryError, LocalDaemon};
 
-/// A process that does not end by then never ends.
+/// A process that does not end within this time never ends.
 const PATIENCE: Duration = Duration::from_secs(60);
 const SCENE: &str =
     "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = [64, 32]\n";
@@ -39,7 +39,7 @@ fn stat(process: u32) -> Option<(String, u32)> {
     Some((words.next()?.to_owned(), words.next()?.parse().ok()?))
 }
 
-/// Whether a process runs. One that has ended may stay in the list until its parent asks for its status.
+/// Whether a process runs. A process that has ended may stay in the list until its parent queries its status.
 fn runs(process: u32) -> bool {
     stat(process).is_some_and(|(state, _)| state != "Z")
 }

@@ -17,7 +17,7 @@ use crate::daemon::Daemon;
 
 /// Side of the large dome and of the small ones, pixels.
 const SIDES: [u32; 2] = [1024, 128];
-/// Side of the pixels of the large dome, arcminutes.
+/// Side of a pixel of the large dome, arcminutes.
 const LARGE_PIXEL_ARCMIN: f64 = 54.47 * 180.0 / 1024.0;
 
 /// Starts a daemon with a dome of a size over Frankfurt at night.
@@ -79,7 +79,7 @@ async fn previews_of_a_dome_have_its_sky() {
     }
     drop((streamed, views, daemon));
 
-    // A daemon or film that has the small dome alone, with the pixels of the large one and with its own.
+    // A daemon or film with only the small dome: with the large dome's pixels as reference, and with its own.
     for (reference_arcmin, is_alike) in [(LARGE_PIXEL_ARCMIN, true), (0.0, false)] {
         let mut daemon = dome(folder.path(), small, reference_arcmin);
         let mut views = ViewServiceClient::connect(format!("http://{}", daemon.address())).await.unwrap();

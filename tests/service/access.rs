@@ -117,7 +117,7 @@ fn code<T>(answer: Result<T, ClientError>) -> Option<Code> {
     answer.err().map(|error| error.code().unwrap_or_else(|| panic!("{error}")))
 }
 
-/// Results of calls that need the roles view, steer and admin.
+/// Results of calls that need the roles `view`, `steer` and `admin`.
 async fn gets(client: &mut Client) -> [Option<Code>; 3] {
     let pose = CameraUpdate { position_m: Some([1.0, 0.0, 0.0]), ..CameraUpdate::default() };
     let looks = code(client.camera().await);
@@ -268,7 +268,8 @@ async fn only_the_page_is_served_without_a_token() {
         assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{path} {more}: {answer}");
         assert_eq!(answer.to_ascii_lowercase().contains("www-authenticate: bearer"), status == "401");
     }
-    // A host that is not this daemon's: plain requests get a status and a text that probes and people understand.
+    // For a host name that is not this daemon's, plain requests get a status and a text that probes and people
+    // understand.
     for path in ["/", "/metrics", "/healthz"] {
         let mut socket = TcpStream::connect(daemon.address).await.unwrap();
         let head = format!("GET {path} HTTP/1.1\r\nhost: control.example.org\r\nconnection: close\r\n\r\n");
@@ -401,11 +402,12 @@ async fn a_certificate_that_is_not_valid_is_refused_at_a_reload() {
         params.not_after = date_time_ymd(years[1], 1, 1);
         params
     };
-    // One that has expired, and one for later, change nothing. A good one does: reloads are made in their order.
+    // An expired certificate and one that is not valid yet change nothing; a valid one takes effect. Reloads are made
+    // in order.
     for years in [[2020, 2021], [2500, 2600]] {
         put(params(years));
         reload.send(()).await.unwrap();
-        // The channel holds one: when the next fits, the last was begun.
+        // The channel holds one request: when the next one fits, the previous reload has begun.
         reload.send(()).await.unwrap();
         assert!((days_left(&path).await - first).abs() < 1.0);
     }
@@ -418,7 +420,7 @@ async fn a_certificate_that_is_not_valid_is_refused_at_a_reload() {
     assert!(second > 1e5 && second < first, "{second}");
     daemon.shutdown().await.unwrap();
 
-    // At the start it is a warning only: the socket needs no certificate.
+    // At the start, an expired certificate is only a warning, because the socket needs no certificate.
     put(params([2020, 2021]));
     let (source, listen) = (files.source(), format!("unix:{}", path.display()));
     let daemon = Daemon::start_with(small_rig(), |options| {
@@ -446,7 +448,7 @@ async fn a_certificate_that_lacks_a_named_host_is_refused_at_a_reload() {
         fs::write(files.path("server.pem"), params.signed_by(&key, &files.authority).unwrap().pem()).unwrap();
         fs::write(files.path("server.key"), key.serialize_pem()).unwrap();
     };
-    // A name that the first certificate lacks is a warning only.
+    // A name that the first certificate lacks causes only a warning.
     put(&["127.0.0.1", "dome.example.org"]);
     let access = files.source()().unwrap();
     assert_eq!(
@@ -463,7 +465,7 @@ async fn a_certificate_that_lacks_a_named_host_is_refused_at_a_reload() {
     }
     tokio::time::sleep(std::time::Duration::from_millis(300)).await;
     connect(&daemon, &with("look")).await.unwrap().camera().await.unwrap();
-    // A wildcard names it.
+    // A wildcard covers the name.
     put(&["127.0.0.1", "*.example.org"]);
     reload.send(()).await.unwrap();
     within(async {

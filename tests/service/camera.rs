@@ -86,7 +86,7 @@ async fn the_lease_holder_has_exclusive_control_until_takeover_or_release() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Names of holders are shown to others and in the log: they must not make another line, or change how it is read.
+/// Other clients and the log show the names of holders: a name must not begin a new line, or change how a line is read.
 #[tokio::test]
 async fn holders_have_no_hidden_characters() {
     let daemon = Daemon::start(small_rig()).await;

@@ -70,7 +70,7 @@ async fn a_running_scene_and_timed_poses_go_on_when_the_machines_clock_is_set() 
             assert!(next_s > last_s && next_s - last_s < 1000.0, "set by {set_s} s: {last_s} s, then {next_s} s");
             last_s = next_s;
         }
-        // The client sends poses by the machine's clock, and is told times of it.
+        // The client sends poses by the machine's clock, and receives times of it.
         let x = 1.0 + turn as f64;
         assert!(steering.send_for(&at_x(x), machine.now() + Duration::from_millis(100)).await);
         within(async { while client.camera().await.unwrap().position_m.x != x {} }).await;

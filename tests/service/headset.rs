@@ -505,7 +505,7 @@ async fn a_flight_turns_about_world_axes_and_ends_at_invalid_numbers() {
     let about_x = quarter(DVec3::X).to_array();
     client.set_camera(&CameraUpdate { orientation: Some(about_x), ..CameraUpdate::default() }).await.unwrap();
     let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
-    // Of the daemon's clock, which a step of the machine's does not move.
+    // This time is of the daemon's clock, which a step of the machine's clock does not move.
     let before = next(&mut stream).await.pose_time;
     let host = headset.host();
     host.fly(&Flight { translation_m: DVec3::X, rotation: quarter(DVec3::Y) });

@@ -1,4 +1,4 @@
-//! Limits of hostile or faulty clients.
+//! Limits for hostile or faulty clients.
 
 use std::time::{Duration, Instant};
 
@@ -181,7 +181,7 @@ async fn health_is_told_and_heads_are_answered() {
     daemon.shutdown().await.unwrap();
 }
 
-/// A client that takes all of its places leaves the rest to others.
+/// A client that has opened all streams that it may have leaves the rest to others.
 #[tokio::test]
 async fn one_client_cannot_take_all_streams() {
     let daemon = Daemon::start(small_rig()).await;
@@ -200,7 +200,7 @@ async fn one_client_cannot_take_all_streams() {
         "{text}"
     );
     within(other.watch_camera().await.unwrap().next()).await.unwrap().unwrap();
-    // What ends is free again.
+    // Streams that end are no longer counted.
     drop(watches);
     within(async { while greedy.watch_camera().await.is_err() {} }).await;
     let mut streams = Vec::new();

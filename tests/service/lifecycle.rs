@@ -189,7 +189,7 @@ async fn a_path_that_is_no_socket_is_refused_and_stays_as_it_is() {
     }
     assert_eq!(fs::read_to_string(path("notes.txt")).unwrap(), "months of notes");
 
-    // At its end a daemon removes its socket, and nothing that has taken the place of it.
+    // At its end a daemon removes its own socket, but not a file that has replaced it.
     let listen = format!("unix:{}", path("socket").display());
     let daemon = Daemon::start_with(small_rig(), |options| options.network.listen = listen).await;
     fs::remove_file(path("socket")).unwrap();
@@ -214,7 +214,7 @@ async fn a_taken_address_is_found_before_slow_work() {
     assert!(!path.exists());
     let listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
     assert!(matches!(check(&listen), Err(ServeError::AddressInUse { .. })));
-    // What a killed daemon left behind is in nobody's way.
+    // The socket of a killed daemon is not an obstacle.
     drop(listener);
     check(&listen).unwrap();
     daemon.shutdown().await.unwrap();
@@ -271,7 +271,7 @@ async fn a_client_notices_a_daemon_that_hangs() {
     let (uri, freeze) = frozen_line(&daemon).await;
     let mut client = steradian::service::Client::connect(&uri).await.unwrap();
     let number = client.next_frame("flat", Encoding::Rgba8, 0, 0).await.unwrap().number;
-    // The connection stays open, so that only the missing answers tell.
+    // The connection stays open, so that only the missing answers reveal it.
     freeze.send_replace(true);
     let error = within(client.next_frame("flat", Encoding::Rgba8, number, 0)).await.unwrap_err();
     assert!(matches!(error.code(), Some(Code::Unavailable | Code::Unknown | Code::Internal)), "{error}");

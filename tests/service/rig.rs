@@ -196,7 +196,7 @@ async fn refused_changes_keep_the_views() {
             round("a b", 8),
             None,
             Code::InvalidArgument,
-            "definition.name: `a b` is no name: must be one or more letters",
+            "definition.name: `a b` is not a valid name: must be one or more letters",
         ),
         (round(&long, 8), None, Code::InvalidArgument, "definition.name: 65 characters: must have at most 64"),
         (fisheye("new", [8; 2], 400.0), None, Code::InvalidArgument, "definition.fov_deg: 400"),

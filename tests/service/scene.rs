@@ -123,7 +123,7 @@ async fn objects_in_a_direction_are_identified() {
     let none = SceneUpdate { magnitude_limit: Some(-2.0), ..SceneUpdate::default() };
     client.update_scene(&none, None).await.unwrap();
     assert_eq!(client.identify(near, 0.0, 0).await.unwrap(), []);
-    // A body in front of it.
+    // Put a body in front of the star.
     client.put_body(Body::preset(SolarBody::Mars, "mars", direction * 1e9), None).await.unwrap();
     let found = client.identify(near, 0.0, 0).await.unwrap();
     assert!(found.len() == 1 && found[0].name == "mars" && found[0].kind == SeenKind::Body, "{found:?}");

@@ -202,7 +202,7 @@ async fn a_file_of_format_3_is_read() {
     let path = folder.path().join("state.redb");
     std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/state-format-3.redb"), &path).unwrap();
     for _ in 0..2 {
-        // The second time it has the current format.
+        // At the second start, the file has the current format.
         let daemon = start(&path).await;
         let mut client = daemon.client().await;
         let views = client.views().await.unwrap();

@@ -64,7 +64,7 @@ async fn a_slow_reader_gets_the_newest_frame_and_the_number_of_missed_ones() {
     assert_eq!(last.camera_revision, 20);
     assert!(last.dropped > 0);
     assert!(frames.is_sorted_by(|a, b| a.number < b.number && a.dropped <= b.dropped));
-    // Every frame up to the last was either read or counted.
+    // Every frame up to the last was either read or counted as dropped.
     assert_eq!(frames.len() as u64 + last.dropped, last.number + 1);
     daemon.shutdown().await.unwrap();
 }

@@ -121,7 +121,8 @@ async fn refused_changes_keep_the_last_valid_state() {
             Code::InvalidArgument,
             "files come only from the configuration",
         ),
-        // The plan of a frame finds an error that no key reveals: no drawn star of this sky can glare.
+        // Only the plan of a frame detects this error, which no single key reveals: this sky draws no stars that could
+        // glare.
         ("flat", glaring("method = 'sky_cube'"), None, Code::InvalidArgument, "cell_sky"),
     ] {
         match client.update_view(view, &update, expected).await {
@@ -149,7 +150,8 @@ async fn streams_receive_changes_and_groups_adapt_separately() {
     let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     assert_eq!(within(frames.next()).await.unwrap().expect("a frame").scene_revision, 7);
     *daemon.controls.metered_ev100.lock().unwrap() = 5.0;
-    // With its own exposure, the view adapts from the start, at once. The other view continues.
+    // With its own exposure, the view begins a new adaptation, so its first frame is adapted at once. The other view
+    // continues.
     client.update_view("flat", &exposed("compensation_ev = 1.0"), None).await.unwrap();
     let changed = loop {
         let frame = within(frames.next()).await.unwrap().expect("a frame");

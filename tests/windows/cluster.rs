@@ -115,7 +115,7 @@ impl Theatre {
     }
 }
 
-/// Samples of windows that show some columns; each lasts ten milliseconds.
+/// Makes samples in which windows show the given columns; each lasts ten milliseconds.
 fn made(columns: &[[Option<f64>; 3]]) -> Vec<Sample> {
     let sample = |(index, columns): (usize, &[Option<f64>; 3])| Sample {
         at: Duration::from_millis(10 * index as u64),
@@ -176,7 +176,7 @@ fn three_nodes() -> Result<(), String> {
 fn without_commit() -> Result<(), String> {
     let desktop = Desktop::virtual_frame_buffer()?;
     let theatre = Theatre::open(&desktop, 60.0);
-    // A daemon that is in no cluster shows the same view next to the nodes, as soon as it has drawn it.
+    // Next to the nodes, a daemon outside of the cluster shows the same view as soon as it has drawn it.
     let alone = Scene::new(&configuration(&["alone"], WIDTH * NODES.len() as u16, ""));
     alone.write("star.csv", STAR);
     let daemon = alone.serve(Some(&desktop.display));
@@ -221,7 +221,7 @@ fn without_display() -> Result<(), String> {
     let desktop = Desktop::virtual_frame_buffer()?;
     let theatre = Theatre::open(&desktop, 60.0);
     drop(desktop);
-    // Frames that waited for the windows do not hold the nodes up: clients still get them.
+    // Frames that waited for the windows do not block the nodes: clients still get them.
     for node in &theatre.nodes {
         node.wait_for_log("panicked");
     }

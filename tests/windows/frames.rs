@@ -101,7 +101,7 @@ fn three_windows() -> Result<(), String> {
     let mut wrong = presented.clone();
     *wrong[7].get_mut("dome").unwrap() += 1;
     wrong[9].remove("ahead");
-    // An additional number may be mistaken for that of the next frame.
+    // An additional frame number may be mistaken for that of the next frame.
     assert!(breaches(&wrong, 3).len() >= 2);
     let report = show.out();
     assert!(report.lines().all(|line| line.contains(": 300 frames")), "{report}");

@@ -10,9 +10,9 @@ use crate::desktop::Desktop;
 /// Catalogue of one star ahead of the camera.
 pub const STAR: &str = "ra_deg,dec_deg,v_mag\n0.0,-90.0,-1.0\n";
 
-/// Codes below this are not of the star.
+/// Codes below this do not belong to the star.
 const DARK: u8 = 60;
-/// Columns of one frame differ by less, pixels.
+/// Columns that differ by less than this belong to the same frame, pixels.
 const SAME_PX: f64 = 0.5;
 
 /// Windows next to each other at the upper edge of the desktop.
@@ -25,7 +25,7 @@ pub struct Line {
     pub rows: [u16; 2],
 }
 
-/// The columns of the star in all windows at one moment; `None`: it is not there.
+/// The columns of the star in all windows at one moment; `None`: the star is not visible.
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub at: Duration,
@@ -61,26 +61,26 @@ pub fn samples(desktop: &Desktop, line: Line, length: Duration) -> Vec<Sample> {
     samples
 }
 
-/// What the samples of some windows show.
+/// Result of comparing the samples of some windows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// Frames that all windows showed.
     pub frames: usize,
-    /// Times at which windows showed different frames.
+    /// Number of times that windows showed different frames.
     pub transitions: usize,
-    /// Of these, the number that lasted this long: between the first and the last sample, ms.
+    /// Duration of each transition, from its first to its last sample, ms.
     pub lasted_ms: Vec<f64>,
-    /// Transitions in which a window showed a frame that was neither the one before nor the one after: that frame was shown by some windows only.
+    /// Number of transitions in which a window showed a frame that was neither the one before nor the one after: only some windows showed that frame.
     pub mixed: usize,
 }
 
 impl Verdict {
-    /// Transitions that lasted at least this time, ms.
+    /// Number of transitions that lasted at least this time, ms.
     pub fn longer_than(&self, ms: f64) -> usize {
         self.lasted_ms.iter().filter(|lasted| **lasted >= ms).count()
     }
 
-    /// Judges some windows. The samples before the first and after the last common frame do not count.
+    /// Compares some windows. The samples before the first and after the last common frame are not counted.
     pub fn of(samples: &[Sample], windows: &[usize]) -> Self {
         let is_same = |one: Option<f64>, other: Option<f64>| match (one, other) {
             (Some(one), Some(other)) => (one - other).abs() < SAME_PX,
@@ -116,7 +116,7 @@ impl Verdict {
             before = Some(after);
             differing.clear();
         }
-        // Windows that never show a common frame again are mixed, too.
+        // Windows that never show a common frame again count as mixed, too.
         verdict.mixed += usize::from(differing.len() > 1 && before.is_some());
         verdict
     }

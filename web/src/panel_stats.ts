@@ -149,7 +149,7 @@ export class Statistics extends EventTarget {
     if (cluster) {
       rows.push(["Cluster", `${cluster.cluster}, ${cluster.process}: ${cluster.state}${cluster.reason ? `, ${cluster.reason}` : ""}`]);
       for (const node of cluster.nodes) {
-        // Green: it shows the director's scene in common time. Yellow: without a common clock, or on its way in.
+        // Green: the node shows the director's scene at common times. Yellow: it has no common clock, or is joining.
         const isIn = node.state === "in" && node.sceneHash === cluster.sceneHash;
         const light = !isIn && node.state !== "out" ? "🔴" : isIn && cluster.locked ? "🟢" : "🟡";
         const ready = node.ready ? `, READY ${duration(node.ready.medianMs)}, 99 %: ${duration(node.ready.p99Ms)}` : "";

@@ -4,8 +4,8 @@
 // Every pose contains the revision that it was made from. If another client has moved the camera since, the daemon
 // refuses the pose: the page takes over the current camera, reports it, and continues from there.
 //
-// Rotations are relative: a camera that is fixed to the horizon turns with the sky, without a new revision, and the
-// daemon applies them to its orientation of now. Each frame contains its camera, which the page follows.
+// Rotations are relative: a camera that is fixed to the horizon turns with the sky, without a new revision, and the daemon applies them to the
+// camera's current orientation. Each frame contains its camera, which the page follows.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
 

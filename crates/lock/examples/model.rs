@@ -1,4 +1,5 @@
-//! Frame rate, drops, skew, gaps and recovery of simulated clusters: `cargo run --release --example model -- --nodes 6,24 --hertz 60 --loss 0.01`.
+//! Reports frame rate, drops, skew, gaps and recovery of simulated clusters:
+//! `cargo run --release --example model -- --nodes 6,24 --hertz 60 --loss 0.01`.
 //!
 //! Runs the director and the nodes of this crate in the simulation of its tests, with delays and losses from measured distributions. The output is
 //! the same for the same arguments. Exits with 1 if the checker of the simulation finds a violation.
@@ -16,7 +17,7 @@ mod sim;
 /// Simulates clusters under frame lock.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// Numbers of nodes, one cluster each.
+    /// Numbers of nodes: one cluster is simulated for each.
     #[arg(long, value_delimiter = ',', default_values_t = [6, 24, 60, 200])]
     nodes: Vec<u16>,
     /// Frames per second.
@@ -28,10 +29,10 @@ struct Arguments {
     /// Shortest retransmission time-out of TCP, ms.
     #[arg(long, default_value_t = 200)]
     timeout_ms: u64,
-    /// How busy the processors are.
+    /// Load of the processors.
     #[arg(long, value_enum, default_value_t = LoadName::Idle)]
     load: LoadName,
-    /// What happens at the deadline if a node is not READY.
+    /// Policy at the deadline if a node is not READY.
     #[arg(long, value_enum, default_value_t = PolicyName::Together)]
     policy: PolicyName,
     /// Mean duration of drawing, ms.
@@ -40,7 +41,7 @@ struct Arguments {
     /// Time from the deadline to presentation, ms.
     #[arg(long, default_value_t = 33)]
     lead_ms: u64,
-    /// Time that each node adds to a message to all, microseconds.
+    /// Time that each node adds to the sending of a message to all nodes, microseconds.
     #[arg(long, default_value_t = MEASURED_PER_NODE_NS / 1_000)]
     per_node_us: u64,
     /// Largest error of a disciplined clock, ms.

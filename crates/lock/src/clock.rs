@@ -1,14 +1,14 @@
 //! Times of events, and the clock that machines share.
 //!
-//! Everything inside a process is measured by its monotonic clock. Only times of presentation are compared between machines; they are
-//! International Atomic Time (TAI), which the caller passes in if the offset of TAI is set and the clock is disciplined to a millisecond.
-//! A clock that was set is detected by its offset from the monotonic clock and distrusted for [`SETTLE_NS`].
+//! All times inside a process are read from its monotonic clock. Only times of presentation are compared between machines; they are International
+//! Atomic Time (TAI), which the caller passes in if the offset of TAI is set and the clock is disciplined to a millisecond. If a clock is set, its
+//! offset from the monotonic clock changes; the clock is then distrusted for [`SETTLE_NS`].
 
-/// A change of the offset between both clocks of more than this is a step, ns.
+/// If the offset between both clocks changes by more than this, the clock was set (a step), ns.
 pub const STEP_NS: u64 = 1_000_000;
 /// Rate by which two clocks of one machine may drift apart: one part in this number (500 ppm, the limit of NTP).
 const DRIFT: u64 = 2_000;
-/// A clock that was set is distrusted for this time, ns.
+/// Time for which a clock is distrusted after it was set, ns.
 pub const SETTLE_NS: u64 = 1_000_000_000;
 
 /// Time at which an event happens.
@@ -42,7 +42,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Notes the time of an event.
+    /// Takes note of the time of an event, and detects a step of the clock.
     pub fn observe(&mut self, now: Now) {
         self.now_ns = self.now_ns.max(now.monotonic_ns);
         self.is_disciplined = now.tai_ns.is_some();
@@ -61,7 +61,7 @@ impl Clock {
         }
     }
 
-    /// Whether times of presentation can be met: disciplined, and not set within the last [`SETTLE_NS`].
+    /// Whether times of presentation can be met: the clock is disciplined, and was not set within the last [`SETTLE_NS`].
     pub fn is_trusted(&self) -> bool {
         self.is_disciplined && self.now_ns >= self.distrusted_until_ns
     }
@@ -72,7 +72,7 @@ impl Clock {
         Some(offset_ns.saturating_add_unsigned(monotonic_ns))
     }
 
-    /// Monotonic time of a TAI, by the last trusted offset: a clock that was just set does not move what is due. Times before the origin of
+    /// Monotonic time of a TAI, by the last trusted offset: setting the clock does not move due times. Times before the origin of
     /// the monotonic clock are 0. `None` if the clock was never trusted.
     pub fn monotonic_ns(&self, tai_ns: i64) -> Option<u64> {
         Some(u64::try_from(tai_ns.saturating_sub(self.trusted_offset_ns?)).unwrap_or(0))
@@ -100,7 +100,7 @@ mod tests {
         clock.observe(at(10 * SECOND, 5_010_000_000));
         assert_eq!((clock.steps, clock.is_trusted()), (1, false));
         assert_eq!(clock.tai_ns(0), None);
-        // What was due is still due at the same monotonic time.
+        // Presentations that were due are still due at the same monotonic time.
         assert_eq!(clock.monotonic_ns(15_003_600_000), Some(10 * SECOND));
         clock.observe(at(11 * SECOND, 5_010_000_000));
         assert!(clock.is_trusted());

@@ -1,6 +1,6 @@
-//! The director: gathers the nodes, paces the frames, and decides for each frame whether it is shown, and by whom.
+//! The director: gathers the nodes, paces the frames, and decides for each frame whether it is shown, and by which nodes.
 //!
-//! | phase | entered when | what it does |
+//! | phase | entered when | behaviour |
 //! |---|---|---|
 //! | gathering | created | notes each HELLO; sends nothing but REFUSED |
 //! | starting | all nodes have said HELLO, or more than half after `gather_ns` | has an epoch, sends WELCOME; sends STATE at every tick, skips every frame |
@@ -16,23 +16,23 @@
 //!
 //! # Why two directors cannot both commit
 //!
-//! Claim: if f of epoch d and g of a later epoch e are both committed, f is presented at least two periods before g, whatever the directors do
-//! at the same time, whatever messages are lost, delayed, repeated or reordered, and whichever processes hang or restart. So frames have one
-//! order in the time of presentation, and no two directors advance side by side.
+//! Claim: if f of epoch d and g of a later epoch e are both committed, f is presented at least two periods before g, whatever else the directors do,
+//! whichever messages are lost, delayed, repeated or reordered, and whichever processes hang or restart. So the times of presentation put all frames
+//! in one order, and no two directors advance at the same time.
 //!
 //! 1. A node votes (READY) only in the epoch that it has promised, and promises only higher ones. It remembers the promise on disk before it votes.
-//! 2. A COMMIT needs votes of more than half of the configured nodes, so some node n voted for f and for g, first for f.
+//! 2. A COMMIT needs votes of more than half of the configured nodes, so some node n voted for both, for f before g.
 //! 3. The director of e counts n only when it is *in*, after READY for three earlier frames of e. Let r be the first of them. STATE(f) was sent
 //!    before n's vote for f, thus before n's vote for r, which counts only within a period of the tick of r: tick(f) < tick(r) + period.
 //! 4. tick(g) ≥ tick(r) + 3 periods, so tick(f) < tick(g) - 2 periods.
-//! 5. `present_at` is the tick plus a constant, which is equal for both because nodes refuse another configuration. ∎
+//! 5. `present_at` is the tick plus a constant, which is equal for both because directors refuse nodes with another configuration. ∎
 //!
 //! Without a trusted clock a node shows f on receipt, at most one period after its vote, which was counted within a period of the tick: before
 //! tick(f) + 2 periods < tick(g), and g is committed after its tick. The clocks of both directors differ by at most twice the error of a disciplined
 //! clock, which the two periods cover.
 //!
-//! A director raises its epoch above those of more than half of the nodes before it sends any message of the epoch, so it never disturbs another
-//! one without having more than half of the nodes itself. Which process starts a director, and when, is decided outside of this crate.
+//! Before a director sends any message of its epoch, it raises the epoch above those of more than half of the nodes. So a director that does not have
+//! more than half of the nodes never disturbs another one. Which process starts a director, and when, is decided outside of this crate.
 
 use std::collections::VecDeque;
 
@@ -45,23 +45,24 @@ use crate::{
     rules::{Policy, READY_UNTIL_IN, Rules},
 };
 
-/// Times that a COMMIT is sent again within its lead.
+/// Number of times that a COMMIT is sent again within its lead.
 const COPIES: u64 = 2;
-/// Interval of the copies of a COMMIT without a time of presentation, ns. Nodes show it on receipt, so a copy repairs a loss only if it comes soon; on TCP
-/// it reveals the loss of the first one. A copy that comes more than a period after a node's READY is not shown.
+/// Interval of the copies of a COMMIT without a time of presentation, ns. Nodes show it on receipt, so a copy repairs a loss only if it arrives soon.
+/// On TCP, a copy reveals the loss of the first one. A node does not show a frame whose copy arrives more than a period after its READY.
 const COPY_ON_RECEIPT_NS: u64 = 1_000_000;
-/// Times that a STATE is sent again, within its deadline and to nodes that are not READY. It asks a node that is READY to say so again, so it repairs
-/// the loss of either message. On TCP, the acknowledgement of the second copy reveals the loss of the first one long before its time-out.
+/// Number of times that a STATE is sent again before its deadline, to nodes whose READY has not arrived. A node that is READY answers again, so a
+/// copy repairs the loss of either message. On TCP, the acknowledgement of the second copy reveals the loss of the first one long before its
+/// time-out.
 const STATE_COPIES: u64 = 2;
 
-/// What the caller carries out, in this order.
+/// Actions for the caller, to be carried out in this order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Send to one node.
     Send {
-        /// The receiver; a refused one may be none of the configured nodes.
+        /// The receiver. A refused receiver need not be a configured node.
         to: NodeId,
-        /// Anything but COMMIT and SKIP.
+        /// Any message except COMMIT and SKIP.
         message: ToNode,
     },
     /// Send to all nodes.
@@ -72,17 +73,17 @@ pub enum Action {
         id: FrameId,
         /// Time at which it will be shown, TAI, ns.
         present_at: Option<i64>,
-        /// Monotonic time of the deadline, ns: a later cue is not sent.
+        /// Monotonic time of the deadline, ns; a cue that is ready later is not sent.
         until_ns: u64,
     },
-    /// Another director has a higher epoch. This one sends nothing any more.
+    /// Another director has a higher epoch. This one no longer sends anything.
     Deposed {
         /// The higher epoch.
         by: Epoch,
     },
 }
 
-/// See the first table in the head of the module.
+/// Phase of a director: see the first table at the top of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// Waits for the HELLO of the nodes, without an epoch.
@@ -95,28 +96,28 @@ pub enum Phase {
     Deposed,
 }
 
-/// Place of a node: see the second table in the head of the module.
+/// Place of a node: see the second table at the top of the module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
     /// Has not said HELLO, or has lost its connection.
     Absent,
     /// Has other files or another version.
     Refused(Refusal),
-    /// Hears every STATE and takes no part in COMMITs.
+    /// Receives every STATE, but takes no part in COMMITs.
     Out {
         /// The reason.
         why: OutReason,
-        /// READY frames in a row.
+        /// Number of consecutive frames with READY.
         ready: u8,
     },
     /// Takes part in COMMITs.
     In {
-        /// Frames in a row without READY.
+        /// Number of consecutive frames without READY.
         misses: u8,
     },
 }
 
-/// Figures since the start of the director.
+/// Counters since the start of the director.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Frames that were committed.
@@ -133,13 +134,13 @@ pub struct Counts {
     pub not_composed: u64,
     /// Ticks at which nothing happened, because the director's process was late by a period or more.
     pub ticks_lost: u64,
-    /// READY of a frame that is no longer open, or of a lower epoch.
+    /// READY messages for a frame that is no longer open, or of a lower epoch.
     pub ready_late: u64,
-    /// HELLOs that were answered with REFUSED.
+    /// HELLO messages that were answered with REFUSED.
     pub refused: u64,
-    /// Nodes that were left out.
+    /// Number of times that a node was left out.
     pub out: u64,
-    /// Nodes that were taken in.
+    /// Number of times that a node was taken in.
     pub taken_in: u64,
 }
 
@@ -161,11 +162,11 @@ struct Open {
     state_copies: u64,
     has_verdict: bool,
     ready: Mask,
-    /// Of these, the nodes without a trusted clock.
+    /// The nodes among these that have no trusted clock.
     without_clock: Mask,
 }
 
-/// State machine of a director. See the head of the module.
+/// State machine of a director. See the top of the module.
 #[derive(Clone, Debug)]
 pub struct Director {
     rules: Rules,
@@ -174,7 +175,7 @@ pub struct Director {
     clock: Clock,
     epoch: Epoch,
     phase: Phase,
-    /// Since when the phase lasts, ns.
+    /// Time at which the phase began, ns.
     since_ns: Option<u64>,
     members: Vec<Member>,
     open: Option<Open>,
@@ -186,7 +187,7 @@ pub struct Director {
 }
 
 impl Director {
-    /// A director that gathers its nodes. `run` is a random number of this process, `identity` what nodes must have too.
+    /// Creates a director that gathers its nodes. `run` is a random number of this process; `identity` is the identity that its nodes must share.
     pub fn new(rules: Rules, run: u64, identity: Identity) -> Self {
         let absent = Member { run: 0, promised: Epoch::NONE, place: Place::Absent };
         Self {
@@ -211,32 +212,32 @@ impl Director {
         self.epoch
     }
 
-    /// What the director is doing.
+    /// The director's current phase.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// `None`: the configuration has no such node.
+    /// Place of a node; `None` if the configuration has no such node.
     pub fn place(&self, node: NodeId) -> Option<&Place> {
         self.members.get(usize::from(node.0)).map(|member| &member.place)
     }
 
-    /// Figures since its start.
+    /// Counters since the start of the director.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// Steps of this machine's clock.
+    /// Number of times that this machine's clock was set.
     pub fn clock_steps(&self) -> u64 {
         self.clock.steps
     }
 
-    /// Nodes that take part.
+    /// The nodes that take part.
     pub fn taking_part(&self) -> Mask {
         self.ids().filter(|&node| matches!(self.place(node), Some(Place::In { .. }))).collect()
     }
 
-    /// Whether all configured nodes show frames at common times: the green light.
+    /// Whether all configured nodes show frames at common times: the state that operators see as a green light.
     pub fn is_locked(&self) -> bool {
         let all = self.taking_part().len() == self.members.len();
         all && self.phase == Phase::Running && self.last_commit.is_some_and(|commit| commit.present_at.is_some())
@@ -246,7 +247,7 @@ impl Director {
         (0..self.rules.nodes).map(NodeId)
     }
 
-    /// Notes a message. `from` is the node that the wire has authenticated.
+    /// Takes in a message. `from` is the node that the network layer has authenticated.
     pub fn hear(&mut self, now: Now, from: NodeId, message: ToDirector) {
         self.clock.observe(now);
         if self.phase == Phase::Deposed {
@@ -317,8 +318,8 @@ impl Director {
         }
         let Rules { period_ns, deadline_ns, .. } = self.rules;
         match &mut self.open {
-            // A READY that the director reads late counts, one after the verdict does not: else a node that is always a little late would
-            // never be left out.
+            // A READY that is read after the deadline counts only if the verdict has not been given. Otherwise a node that is always a little late
+            // would never be left out.
             Some(open)
                 if open.id == ready.id
                     && open.state.is_some()
@@ -333,7 +334,7 @@ impl Director {
         }
     }
 
-    /// The connection of a node has ended.
+    /// Reports that the connection of a node has ended.
     pub fn lost(&mut self, now: Now, node: NodeId) {
         self.clock.observe(now);
         let Some(member) = self.members.get_mut(usize::from(node.0)) else { return };
@@ -344,7 +345,7 @@ impl Director {
         }
     }
 
-    /// Counts and tells all nodes that one no longer takes part.
+    /// Leaves a node out: counts it and notifies all nodes.
     fn leave_out(&mut self, node: NodeId, why: OutReason) {
         self.counts.out += 1;
         self.actions.push(Action::SendAll(ToNode::Out(Out { epoch: self.epoch, node, why })));
@@ -357,7 +358,7 @@ impl Director {
         self.actions = vec![Action::Deposed { by }];
     }
 
-    /// Passes in the cue that [`Action::Compose`] asked for. A cue of another frame, or after the deadline, is ignored.
+    /// Passes in the cue that [`Action::Compose`] asked for. It is ignored if it belongs to another frame or comes after the deadline.
     pub fn composed(&mut self, now: Now, id: FrameId, cue: Cue) {
         self.clock.observe(now);
         let commit = self.last_commit;
@@ -370,7 +371,7 @@ impl Director {
         self.actions.push(Action::SendAll(ToNode::State(state)));
     }
 
-    /// Does what is due and returns what the caller must carry out. Call it after [`Self::hear`], [`Self::lost`] and [`Self::composed`], and at
+    /// Runs the due steps and returns the actions for the caller. Call it after [`Self::hear`], [`Self::lost`] and [`Self::composed`], and at
     /// [`Self::wake_at`].
     pub fn act(&mut self, now: Now) -> Vec<Action> {
         self.clock.observe(now);
@@ -524,7 +525,7 @@ impl Director {
         }
     }
 
-    /// Counts READY and misses of the frame that ends, and moves nodes in and out.
+    /// Counts for each node whether it was READY for the frame that ends, and moves nodes in and out.
     fn close(&mut self, now: Now, open: &Open) {
         if open.state.is_none() {
             return;
@@ -561,7 +562,7 @@ impl Director {
         }
     }
 
-    /// Opens the next frame at the latest tick that has begun. Ticks that were missed are not made up for.
+    /// Opens the next frame at the latest tick that has begun. Missed ticks are not made up for.
     fn open_next(&mut self, now: Now, last: &Open) {
         let period_ns = self.rules.period_ns;
         let periods = (now.monotonic_ns - last.tick_ns) / period_ns;

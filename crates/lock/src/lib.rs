@@ -6,15 +6,15 @@
 //! Both are driven in the same way: drain the queue of received messages into `hear`, report finished work (`composed`, `drawn`), then call `act`
 //! once, and again at `wake_at` at the latest. A process that was suspended drains its queue first, so it acts on the newest state only.
 //!
-//! A frame, at its tick of the director:
+//! Each tick of the director begins one frame:
 //!
 //! 1. The director's caller composes a [`Cue`]; the director sends it to all nodes as [`State`], with the time of presentation.
 //! 2. A node draws the newest STATE and reports READY when drawing has ended.
 //! 3. The director decides once: COMMIT with a mask of nodes, or SKIP.
 //! 4. A node that is in the mask shows the picture at the time of presentation. Without COMMIT it keeps showing the last one.
 //!
-//! Why no two directors can both commit: see [`director`]. Times are in nanoseconds: monotonic times count from any origin of the process, times
-//! of presentation are International Atomic Time (TAI), which all machines share.
+//! Why no two directors can both commit: see [`director`]. Times are in nanoseconds: monotonic times count from any origin of the process, times of
+//! presentation are in International Atomic Time (TAI), which all machines share.
 //!
 //! ```
 //! use steradian_lock::{Cue, Director, Epoch, Identity, Node, NodeId, Now, Rules, director, messages::ToNode, node};

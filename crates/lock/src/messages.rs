@@ -1,35 +1,35 @@
-//! Messages between director and nodes. A director listens, nodes dial, and every node hears every message to all.
+//! Messages between director and nodes. A director listens, nodes connect to it, and every node receives every message to all.
 //!
-//! What only later parts of the cluster read is a block of bytes with a type: a [`Cue`] holds what a node needs in order to draw (revision and
-//! hash of the scene, time, camera, exposure, quality, overlays), a [`Report`] what it found (sums per group, statistics).
+//! Data that only later parts of the cluster read are blocks of bytes with a type: a [`Cue`] holds the inputs for drawing (revision and hash of
+//! the scene, time, camera, exposure, quality, overlays), a [`Report`] the results (sums per group, statistics).
 
 use std::{error::Error, fmt, sync::Arc};
 
 /// Largest number of nodes.
 pub const MAX_NODES: u16 = 256;
-/// Version of these messages. Director and nodes must have the same.
+/// Version of these messages. Director and nodes must have the same version.
 pub const PROTOCOL: u32 = 1;
 
-/// Index of a node in the configuration. The wire authenticates it.
+/// Index of a node in the configuration. The network layer authenticates it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeId(pub u16);
 
-/// One reign of one director. Later reigns are greater. Two directors never have the same one, because `run` is drawn at random at the start of
-/// each process.
+/// One term of one director. Later epochs are greater. Two directors never have the same epoch, because `run` is drawn at random at the start of each
+/// process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Epoch {
-    /// Greater than all that more than half of the nodes had promised before.
+    /// Greater than the numbers of all epochs that more than half of the nodes had promised before.
     pub counter: u64,
     /// Random number of the director's process.
     pub run: u64,
 }
 
 impl Epoch {
-    /// Smaller than every epoch of a director.
+    /// No epoch: smaller than every epoch of a director.
     pub const NONE: Self = Self { counter: 0, run: 0 };
 }
 
-/// A frame of an epoch. Newer frames are greater, also over epochs.
+/// A frame of an epoch. Newer frames are greater, across epochs too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FrameId {
     /// The reign.
@@ -98,16 +98,17 @@ impl FromIterator<NodeId> for Mask {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Hash(pub [u8; 32]);
 
-/// Versions and files of a process. Version, protocol, configuration and catalogues must be those of the director; the rest is for the operator.
+/// Versions and files of a process. Version, protocol, configuration and catalogues must equal those of the director; the other fields inform the
+/// operator.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// Version of Steradian.
     pub version: String,
     /// [`PROTOCOL`].
     pub protocol: u32,
-    /// Hash of the configuration that all share.
+    /// Hash of the configuration that all processes share.
     pub configuration: Hash,
-    /// Names and hashes, in the order of the configuration.
+    /// Names and hashes of the catalogues, in the order of the configuration.
     pub catalogues: Vec<(String, Hash)>,
     /// Name of the graphics adapter.
     pub adapter: String,
@@ -141,9 +142,9 @@ impl Identity {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the values of both sides")]
 pub enum Refusal {
-    /// Another version of the messages.
+    /// It has another version of the messages.
     Protocol { director: u32, node: u32 },
-    /// Another version of Steradian.
+    /// It has another version of Steradian.
     Version { director: String, node: String },
     /// Another configuration.
     Configuration,
@@ -167,7 +168,7 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// What a node draws, as bytes that the lock does not read. Equal on all nodes.
+/// Inputs for drawing a frame, as bytes that the lock does not read. Equal on all nodes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cue(Arc<[u8]>);
 
@@ -188,7 +189,7 @@ impl Cue {
     }
 }
 
-/// A cue of this many bytes does not fit into a STATE.
+/// The cue has this many bytes and does not fit into a STATE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CueTooLong(pub usize);
 
@@ -200,7 +201,7 @@ impl fmt::Display for CueTooLong {
 
 impl Error for CueTooLong {}
 
-/// What a node found when it drew a frame, as bytes that the lock does not read.
+/// Results of drawing a frame on a node, as bytes that the lock does not read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report(pub Arc<[u8]>);
 
@@ -220,9 +221,9 @@ pub struct Hello {
 pub struct Welcome {
     /// The epoch of the director.
     pub epoch: Epoch,
-    /// That of the HELLO. A node ignores an answer to an earlier process.
+    /// `run` of the HELLO. A node ignores an answer to an earlier process.
     pub run: u64,
-    /// Newest frame of the epoch so far. The node takes part in later ones only, so messages of before its start have no effect.
+    /// Newest frame of the epoch so far. The node takes part only in later ones, so messages from before its start have no effect.
     pub newest: u64,
 }
 
@@ -233,9 +234,9 @@ pub struct State {
     pub id: FrameId,
     /// Time at which the frame is shown, TAI, ns; `None`: the director has no trusted clock.
     pub present_at: Option<i64>,
-    /// The last COMMIT, in case that it was lost.
+    /// The last COMMIT, repeated in case it was lost.
     pub commit: Option<Commit>,
-    /// What to draw.
+    /// Inputs for drawing.
     pub cue: Cue,
 }
 
@@ -248,7 +249,7 @@ pub struct Ready {
     pub drawn_ns: u64,
     /// Whether the node can meet `present_at`.
     pub has_clock: bool,
-    /// What the node found.
+    /// Results of drawing.
     pub report: Report,
 }
 
@@ -257,13 +258,13 @@ pub struct Ready {
 pub struct Commit {
     /// The frame.
     pub id: FrameId,
-    /// That of the STATE; `None`: on receipt, because a clock is not trusted.
+    /// `present_at` of the STATE; `None`: the frame is shown on receipt, because a clock is not trusted.
     pub present_at: Option<i64>,
-    /// The nodes that show it: READY, and taking part.
+    /// The nodes that show it: those that take part and are READY.
     pub mask: Mask,
 }
 
-/// Nobody shows the frame; its picture may be drawn over.
+/// No node shows the frame; its picture may be overwritten.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Skip {
     /// The frame.
@@ -277,9 +278,9 @@ pub struct Skip {
 pub enum SkipReason {
     /// The director has just started, and not all nodes take part yet.
     Starting,
-    /// Not more than half of the configured nodes are READY.
+    /// At most half of the configured nodes are READY.
     Quorum,
-    /// A node was not READY at the deadline, and the policy is `together`.
+    /// At least one node was not READY at the deadline, and the policy is `together`.
     Deadline,
 }
 
@@ -288,7 +289,7 @@ pub enum SkipReason {
 pub struct Out {
     /// The epoch of the director.
     pub epoch: Epoch,
-    /// The node that is left out; all nodes hear it.
+    /// The node that is left out. The message goes to all nodes.
     pub node: NodeId,
     /// The reason.
     pub why: OutReason,
@@ -297,7 +298,7 @@ pub struct Out {
 /// Why a node does not take part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutReason {
-    /// It has said HELLO and was not yet READY often enough in a row.
+    /// It has said HELLO, but was not yet READY for enough consecutive frames.
     Joining,
     /// It was not READY [`crate::rules::Rules::misses_until_out`] times in a row.
     Misses,
@@ -307,7 +308,7 @@ pub enum OutReason {
     Unknown,
 }
 
-/// A message of a director.
+/// A message from a director.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the messages have documentation")]
 pub enum ToNode {
@@ -319,7 +320,7 @@ pub enum ToNode {
     Out(Out),
 }
 
-/// A message of a node. All directors hear it.
+/// A message from a node. All directors receive it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the messages have documentation")]
 pub enum ToDirector {

@@ -1,19 +1,19 @@
 //! A node: draws the newest state, votes, and shows a picture only after a COMMIT that names the node.
 //!
-//! | state | entered when | what it does |
+//! | state | entered when | behaviour |
 //! |---|---|---|
-//! | looking | created; no message for `silence_ns`; told that it is unknown | says HELLO every `hello_ns`; keeps showing the last picture |
+//! | looking | created; no message for `silence_ns`; the director does not know it | says HELLO every `hello_ns`; keeps showing the last picture |
 //! | refused | REFUSED | the same, every ten `hello_ns` |
 //! | led | WELCOME with an epoch that is not below the promised one | draws, votes, shows |
 //! | black | no new picture for `hold_ns`, in any of these states | shows black or a logo until the next picture |
 //!
 //! | fate of a picture | next |
 //! |---|---|
-//! | drawing | ended: READY, *waiting*; a newer STATE or SKIP came meanwhile: discarded without READY |
-//! | waiting | COMMIT with this node in the mask: *due*; any other verdict, a newer picture shown, or its time over: discarded |
+//! | drawing | drawing ends: READY, *waiting*; if a newer STATE or SKIP arrived before: discarded without READY |
+//! | waiting | COMMIT with this node in the mask: *due*; any other verdict, a newer picture shown, or its time has passed: discarded |
 //! | due | its time of presentation: shown; more than half a period later: discarded and counted |
 //!
-//! A message of a lower epoch than the promised one is counted and not obeyed; the node answers with HELLO, from which the old director learns that
+//! A message of a lower epoch than the promised one is counted and otherwise ignored. The node answers with HELLO, which shows the old director that
 //! it is deposed.
 
 use crate::{
@@ -28,20 +28,20 @@ use crate::{
 /// A refused node asks again after this many times `hello_ns`.
 const REFUSED_FACTOR: u64 = 10;
 
-/// What the caller carries out, in this order.
+/// Actions for the caller, to be carried out in this order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Write this epoch to disk before any later action is carried out, and pass it to [`Node::new`] at the next start.
     Remember(Epoch),
     /// Send to all directors.
     Send(ToDirector),
-    /// Draw this frame; report to [`Node::drawn`] after the device has finished.
+    /// Draw this frame; call [`Node::drawn`] after the GPU has finished.
     Draw {
         /// The frame.
         id: FrameId,
         /// Time at which it is shown, TAI, ns, if it is committed.
         present_at: Option<i64>,
-        /// What to draw.
+        /// Inputs for drawing.
         cue: Cue,
     },
     /// Show the picture of this frame now.
@@ -58,22 +58,22 @@ pub enum Action {
     Black,
 }
 
-/// Figures since the start of the node.
+/// Counters since the start of the node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Pictures shown.
     pub shown: u64,
-    /// COMMITs that came more than half a period after the time of presentation.
+    /// COMMITs that arrived more than half a period after the time of presentation.
     pub commit_late: u64,
-    /// Pictures that the process could not show within half a period, because it did not run.
+    /// Pictures that were not shown within half a period because the process was not running.
     pub show_late: u64,
-    /// COMMITs with this node in the mask and without a picture.
+    /// COMMITs with this node in the mask for which it had no picture.
     pub commit_without_picture: u64,
-    /// Pictures committed without this node.
+    /// Pictures of frames that were committed without this node.
     pub left_out: u64,
-    /// Finished pictures that were skipped for all.
+    /// Finished pictures of frames that were skipped for all nodes.
     pub skipped: u64,
-    /// Pictures that got no verdict, because COMMIT or SKIP was lost, or that a newer one overtook.
+    /// Pictures that got no verdict because COMMIT or SKIP was lost, and pictures that were replaced by a newer one.
     pub without_verdict: u64,
     /// Frames that were not finished before the next STATE.
     pub too_slow: u64,
@@ -107,7 +107,7 @@ struct Drawing {
     is_wanted: bool,
 }
 
-/// State machine of a node. See the head of the module.
+/// State machine of a node. See the top of the module.
 #[derive(Clone, Debug)]
 pub struct Node {
     rules: Rules,
@@ -116,10 +116,10 @@ pub struct Node {
     identity: Identity,
     clock: Clock,
     promised: Epoch,
-    /// The epoch that leads this node: the promised one after its WELCOME.
+    /// The epoch in which this node is led: the promised epoch, once its WELCOME has arrived.
     led_by: Option<Epoch>,
     refused: Option<Refusal>,
-    /// The newest frame whose STATE was heard.
+    /// The newest frame whose STATE was received.
     newest: Option<FrameId>,
     /// The newest STATE, until it is drawn.
     next: Option<State>,
@@ -140,8 +140,8 @@ pub struct Node {
 }
 
 impl Node {
-    /// A node that looks for a director. `run` is a random number of this process, `promised` the epoch of the last [`Action::Remember`] of an
-    /// earlier process, or [`Epoch::NONE`].
+    /// Creates a node that looks for a director. `run` is a random number of this process. `promised` is the epoch of the last [`Action::Remember`]
+    /// of an earlier process, or [`Epoch::NONE`].
     pub fn new(rules: Rules, id: NodeId, run: u64, promised: Epoch, identity: Identity, now: Now) -> Self {
         let mut clock = Clock::default();
         clock.observe(now);
@@ -171,7 +171,7 @@ impl Node {
         }
     }
 
-    /// Figures since its start.
+    /// Counters since the start of the node.
     pub fn counts(&self) -> Counts {
         self.counts
     }
@@ -181,12 +181,12 @@ impl Node {
         self.led_by
     }
 
-    /// Whether a director leads this node and was heard within `silence_ns`.
+    /// Whether a director leads this node and has sent a message within `silence_ns`.
     pub fn is_led(&self, now: Now) -> bool {
         self.led_by.is_some() && now.monotonic_ns < self.heard_ns + self.rules.silence_ns
     }
 
-    /// The reason of the last REFUSED, until a WELCOME.
+    /// The reason of the last REFUSED; cleared by a WELCOME.
     pub fn refused(&self) -> Option<&Refusal> {
         self.refused.as_ref()
     }
@@ -196,19 +196,19 @@ impl Node {
         self.shown.filter(|_| !self.is_black)
     }
 
-    /// Steps of this machine's clock.
+    /// Number of times that this machine's clock was set.
     pub fn clock_steps(&self) -> u64 {
         self.clock.steps
     }
 
-    /// A connection to a director was opened.
+    /// Reports that a connection to a director was opened.
     pub fn connected(&mut self, now: Now) {
         self.clock.observe(now);
         self.wants_hello = true;
         self.hello_ns = now.monotonic_ns;
     }
 
-    /// Notes a message. Drain the whole queue before [`Self::act`]: only the newest state counts.
+    /// Takes in a message. Drain the whole queue before [`Self::act`]: only the newest state counts.
     pub fn hear(&mut self, now: Now, message: ToNode) {
         self.clock.observe(now);
         let epoch = match &message {
@@ -257,7 +257,7 @@ impl Node {
         if self.led_by != Some(epoch) {
             self.led_by = Some(epoch);
             self.newest = self.newest.max(Some(FrameId { epoch, number: newest }));
-            // What another director asked for is over.
+            // Requests of another director are void.
             self.next = None;
             self.abandon_drawing();
             self.discard(|picture| picture.id.epoch != epoch);
@@ -339,7 +339,7 @@ impl Node {
         self.counts.skipped += self.discard(|picture| picture.id == skip.id && picture.fate == Fate::Waiting);
     }
 
-    /// Drawing has ended, and the device has finished: not before. `drawn_ns` is its duration.
+    /// Reports that a frame is drawn. Call it only after the GPU has finished. `drawn_ns` is the duration of drawing.
     pub fn drawn(&mut self, now: Now, id: FrameId, drawn_ns: u64, report: Report) {
         self.clock.observe(now);
         let Some(drawing) = self.drawing.take_if(|drawing| drawing.id == id) else { return };
@@ -355,7 +355,7 @@ impl Node {
         self.actions.push(Action::Send(ToDirector::Ready(ready)));
     }
 
-    /// The frame cannot be drawn: there is no READY, and the next STATE is drawn.
+    /// The frame cannot be drawn: no READY is sent, and the next STATE is drawn.
     pub fn failed(&mut self, now: Now, id: FrameId) {
         self.clock.observe(now);
         if self.drawing.take_if(|drawing| drawing.id == id).is_some() {
@@ -363,14 +363,15 @@ impl Node {
         }
     }
 
-    /// Whether this machine's clock is trusted and agrees with the director's: a time of presentation is neither over nor far ahead.
+    /// Whether this machine's clock is trusted and agrees with the director's, that is, the time of presentation is neither in the past nor far
+    /// ahead.
     fn can_meet(&self, now: Now, tai_ns: i64) -> bool {
         let farthest_ns = now.monotonic_ns + self.rules.ahead_ns() + self.rules.period_ns;
         let due_ns = self.clock.monotonic_ns(tai_ns).filter(|_| self.clock.is_trusted());
         due_ns.is_some_and(|due_ns| (now.monotonic_ns..=farthest_ns).contains(&due_ns))
     }
 
-    /// Does what is due and returns what the caller must carry out. Call it after every other method, and at [`Self::wake_at`].
+    /// Runs the due steps and returns the actions for the caller. Call it after every other method, and at [`Self::wake_at`].
     pub fn act(&mut self, now: Now) -> Vec<Action> {
         self.clock.observe(now);
         self.show_due(now);
@@ -413,7 +414,7 @@ impl Node {
         self.actions.push(Action::Show { id: picture.id });
     }
 
-    /// Time after READY within which every COMMIT that may be shown has arrived.
+    /// Time after READY for which a node keeps a picture that waits for its COMMIT.
     fn waiting_limit_ns(&self) -> u64 {
         self.rules.ahead_ns() + self.rules.period_ns
     }
@@ -434,7 +435,7 @@ impl Node {
         self.actions.push(Action::Draw { id, present_at, cue });
     }
 
-    /// Monotonic time of the next HELLO, `u64::MAX`: none.
+    /// Monotonic time of the next HELLO; `u64::MAX`: none.
     fn hello_due_ns(&self) -> u64 {
         if self.wants_hello || self.led_by.is_none() {
             self.hello_ns

@@ -1,4 +1,4 @@
-//! Rules that the director and all nodes share: number of nodes, times, and what happens at the deadline of a frame.
+//! Rules that the director and all nodes share: number of nodes, times, and the policy at the deadline of a frame.
 
 use std::{error::Error, fmt};
 
@@ -7,10 +7,10 @@ use crate::messages::MAX_NODES;
 /// Frames in a row with READY after which a node takes part again, from the next frame on. The proof in [`crate::director`] needs at least 3.
 pub const READY_UNTIL_IN: u8 = 3;
 
-/// What happens at the deadline if a node that takes part is not READY.
+/// Policy at the deadline of a frame if a node that takes part is not READY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
-    /// The frame is skipped for all: no node ever shows a newer frame than another that takes part.
+    /// The frame is skipped for all: no node that takes part ever shows a newer frame than another one.
     Together,
     /// The frame is committed for the nodes that are READY; the others keep their last frame.
     Apart,
@@ -25,18 +25,18 @@ pub struct Rules {
     pub period_ns: u64,
     /// Time from the tick of a frame to its verdict, at most one period.
     pub deadline_ns: u64,
-    /// Time from the deadline to presentation. A COMMIT that is repeated or transmitted again arrives within it.
+    /// Time from the deadline to presentation. It leaves time for a COMMIT that is repeated or retransmitted.
     pub lead_ns: u64,
-    /// What happens at the deadline.
+    /// Policy at the deadline.
     pub policy: Policy,
     /// Frames in a row without READY after which a node is left out, at least 1.
     pub misses_until_out: u8,
     /// Time for which a director waits for all nodes before it starts with more than half of them.
     pub gather_ns: u64,
-    /// Time for which a started director skips frames until all nodes are READY, before it starts with more than half of them. Nodes that bake
-    /// tables need a long one.
+    /// Time for which a started director skips frames until all nodes are READY, before it starts with more than half of them. Nodes that compute
+    /// tables before their first frame need a long time.
     pub start_ns: u64,
-    /// Time between two HELLO of a node.
+    /// Time between two HELLO messages of a node.
     pub hello_ns: u64,
     /// Time without a message after which a node looks for a director.
     pub silence_ns: u64,
@@ -47,8 +47,8 @@ pub struct Rules {
 const MS: u64 = 1_000_000;
 
 impl Rules {
-    /// Rules for a number of nodes and a frame rate: `together`, out after three misses, a deadline of three quarters of a period, and 33 ms of
-    /// lead, within which all of 1,200 measured COMMITs arrived at 1 % loss.
+    /// Default rules for a number of nodes and a frame rate. The policy is `together`, nodes are left out after three misses, and the deadline is
+    /// three quarters of a period. The lead is 33 ms, within which all of 1,200 measured COMMITs arrived at 1 % loss.
     ///
     /// # Errors
     ///
@@ -74,12 +74,12 @@ impl Rules {
         rules.checked()
     }
 
-    /// Returns these rules if they can hold.
+    /// Returns these rules if they are valid.
     ///
     /// # Errors
     ///
-    /// A number of nodes outside 1 to [`MAX_NODES`], a deadline of 0 or longer than a period, a lead of more than a second, a time or a
-    /// number of misses of 0.
+    /// The number of nodes is outside 1 to [`MAX_NODES`], the deadline is 0 or longer than a period, the lead is longer than a second, or a time or
+    /// the number of misses is 0.
     pub fn checked(self) -> Result<Self, RulesError> {
         if self.nodes == 0 || self.nodes > MAX_NODES {
             return Err(RulesError::Nodes(self.nodes));
@@ -115,21 +115,21 @@ impl Rules {
     }
 }
 
-/// Rules that cannot hold.
+/// Reason why rules are invalid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RulesError {
-    /// This number of nodes.
+    /// The number of nodes is out of range.
     Nodes(u16),
     /// This frame rate.
     Hertz(f64),
-    /// A deadline of 0 or beyond the period.
+    /// The deadline is 0 or longer than a period.
     #[allow(missing_docs, reason = "the names of the keys")]
     Deadline { deadline_ns: u64, period_ns: u64 },
     /// This lead, ns.
     Lead(u64),
-    /// A time that must not be 0.
+    /// A time is 0.
     Zero,
-    /// A node would be left out although it is READY.
+    /// The number of misses is 0: a node would be left out although it is READY.
     NoMisses,
 }
 

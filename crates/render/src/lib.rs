@@ -1,7 +1,8 @@
 //! The multi-view renderer: scenes, views, plans, and the passes that draw them on an adapter, with the f64 twin of each pass.
 //!
-//! For programs that draw. Data flows in one direction: [`scene`] and [`view`] are planned by [`plan`] on the CPU, drawn by [`render`] on an
-//! adapter ([`gpu`]), compared with [`reference`](mod@reference), and judged by [`metrics`]. Distances are in metres, angles in radians, luminance in cd/m².
+//! This crate is for programs that draw. Data flows in one direction: [`scene`] and [`view`] are planned by [`plan`] on the CPU, drawn by [`render`]
+//! on an adapter ([`gpu`]), compared with [`reference`](mod@reference), and judged by [`metrics`]. Distances are in metres, angles in radians,
+//! luminance in cd/m².
 
 #[macro_use(named, settings)]
 extern crate steradian_sky;

@@ -1,9 +1,9 @@
 //! Content that takes long to make, kept on disk between runs: synthetic stars, tables of projectors, atlases of asteroids.
 //!
-//! An entry is one file. Its name and its header hold a SHA-256 of the part of the program that makes it, of that part's version and of
-//! all inputs, so an entry is used only for the content that would be made again. A damaged entry is made anew. Several programs may share
-//! a folder: files appear as a whole, and a file that another program has removed counts as absent. When all entries together exceed the
-//! size limit, those that were not used for the longest time are removed.
+//! An entry is one file. Its name and its header hold a SHA-256 of the part of the program that makes it, of that part's version and of all inputs.
+//! So an entry is used only if making the content again would give the same. A damaged entry is made anew. Several programs may share a folder: a
+//! file appears only when it is complete, and a file that another program has removed counts as absent. When all entries together exceed the size
+//! limit, those that were not used for the longest time are removed.
 //!
 //! The program sets its cache at the start ([`set_for_process`]). Without one nothing is kept; the results are the same.
 
@@ -24,7 +24,7 @@ use thiserror::Error;
 
 use crate::files;
 
-/// Last letters of the names of entries; other files of the folder are left alone.
+/// Suffix of the names of entries; other files in the folder are left alone.
 const SUFFIX: &str = ".kept";
 const MAGIC: [u8; 8] = *b"STERKEPT";
 
@@ -66,12 +66,12 @@ pub struct Part {
     pub version: u32,
 }
 
-/// The form of some content on disk.
+/// Encoding of some content on disk.
 #[derive(Clone, Copy)]
 pub struct Form<T> {
-    /// Returns the bytes of some content.
+    /// Encodes some content as bytes.
     pub to_bytes: fn(&T) -> Vec<u8>,
-    /// Returns the content of bytes; `None` if they are not valid.
+    /// Decodes the content from bytes; `None` if they are not valid.
     pub from_bytes: fn(&[u8]) -> Option<T>,
 }
 
@@ -137,7 +137,7 @@ impl Cache {
     ///
     /// # Errors
     ///
-    /// That of `make`; nothing is kept then.
+    /// The error of `make`; in this case nothing is kept.
     pub fn kept_or_made<T, E>(
         &self,
         part: Part,
@@ -171,7 +171,7 @@ impl Cache {
                 part.name
             );
         } else if let Err(problem) = self.keep(&path, &key, &bytes) {
-            // Other entries will most likely fail for the same reason, so that one warning is enough.
+            // Other entries will most likely fail for the same reason, so one warning is enough.
             if WARNED.swap(true, Relaxed) {
                 tracing::debug!(file = %path.display(), %problem, "cannot keep the {} in the cache", part.name);
             } else {
@@ -257,7 +257,7 @@ fn key(part: Part, inputs: &[&[u8]]) -> [u8; 32] {
     digest.finalize().into()
 }
 
-/// The part that made an entry, by the name of its file; `None`: the file is not an entry.
+/// The part that made an entry, taken from the name of its file; `None` if the file is not an entry.
 fn part_of(name: &str) -> Option<&str> {
     let (part, key) = name.strip_suffix(SUFFIX)?.rsplit_once('-')?;
     (!part.is_empty() && key.len() == 32 && key.bytes().all(|byte| byte.is_ascii_hexdigit())).then_some(part)
@@ -284,8 +284,8 @@ fn read(path: &Path, key: &[u8; 32]) -> Result<Option<Vec<u8>>, EntryError> {
     Ok(Some(content))
 }
 
-/// Records that an entry was used: its time of access decides which files are removed first. Mounts that keep no such times are handled,
-/// because it is set explicitly.
+/// Records that an entry was used: its time of access decides which files are removed first. The time is set explicitly, because some mounts do not
+/// record it.
 fn mark_used(path: &Path) {
     let times = FileTimes::new().set_accessed(SystemTime::now());
     // Some systems set times only of files that are open for writing.
@@ -314,7 +314,7 @@ mod tests {
     const FORM: Form<Vec<u8>> =
         Form { to_bytes: Vec::clone, from_bytes: |bytes| (bytes != b"bad").then(|| bytes.to_vec()) };
 
-    /// A cache, and a function that returns the content for an input, and whether it was made.
+    /// Returns a cache, and a function that returns the content for an input and whether it was made.
     fn cache(most_bytes: u64) -> (tempfile::TempDir, Cache) {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache { folder: folder.path().join("cache"), most_bytes };

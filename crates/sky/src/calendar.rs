@@ -18,11 +18,11 @@ const JDN_1970: i64 = 2_440_588;
 const DAY_US: i64 = 86_400_000_000;
 /// Forms of a moment, for messages.
 pub const FORMS: &str = "2026-01-01T00:00:00Z, -0567-07-04T12:00:00Z or +10000-01-01T00:00:00Z (Gregorian calendar, year 0 is 1 BC), 1133-08-02T12:00:00Z julian, JD 2451545.0, or MJD 51544.5";
-/// Julian date at which modified Julian dates begin, less the half day.
+/// Julian date at which modified Julian dates begin (2,400,000.5), without the half day.
 const MJD_DAYS: f64 = 2_400_000.0;
-/// Julian dates that look like modified Julian dates of 1858 to 2132, and are days of the years -4713 to -4439.
+/// Julian dates in the years -4713 to -4439, whose numbers are also those of modified Julian dates in the years 1858 to 2132.
 const LIKE_MJD: std::ops::Range<f64> = 0.0..100_000.0;
-/// Modified Julian dates that look like Julian dates of 1858 to 2132, and are days of the years 8429 to 8703.
+/// Modified Julian dates in the years 8429 to 8703, whose numbers are also those of Julian dates in the years 1858 to 2132.
 const LIKE_JD: std::ops::Range<f64> = 2_400_000.0..2_500_000.0;
 
 const fn new_year_s(year: i64) -> f64 {
@@ -92,12 +92,12 @@ fn gregorian_date(days: i64) -> [i64; 3] {
     [era * 400 + year_of_era + i64::from(month <= 2), month, day]
 }
 
-/// Name of the calendar that dates without a name have.
+/// Name of the calendar that applies to dates that name none.
 const GREGORIAN: &str = "gregorian";
-/// Name of the calendar before 1582.
+/// Name of the calendar that was used before 1582.
 const JULIAN: &str = "julian";
 
-/// Whether a date was left out when the Gregorian calendar followed the Julian one, so that it has to name its calendar.
+/// Whether a date was skipped when the Gregorian calendar replaced the Julian one. Such a date has to name its calendar.
 pub fn is_left_out([year, month, day]: [i64; 3]) -> bool {
     (year, month) == (1582, 10) && (5..=14).contains(&day)
 }
@@ -132,7 +132,7 @@ impl DateTime {
     }
 }
 
-/// As [`moment`] reads it; years beyond 0 to 9999 have a sign.
+/// Writes the date in the form that [`moment`] reads; years outside 0 to 9999 have a sign.
 impl std::fmt::Display for DateTime {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { date: [year, month, day], time: [hour, minute, second], microsecond } = *self;
@@ -149,16 +149,16 @@ impl std::fmt::Display for DateTime {
     }
 }
 
-/// A moment in words, s since 2000-01-01T12:00:00Z.
+/// Text of a moment, s since 2000-01-01T12:00:00Z.
 pub fn written(time_s: f64) -> String {
     DateTime::new(time_s).map_or_else(|| format!("{time_s} s from 2000-01-01T12:00:00Z"), |time| time.to_string())
 }
 
-/// Checks that a scene may have a moment, s since 2000-01-01T12:00:00Z.
+/// Checks that a moment, s since 2000-01-01T12:00:00Z, is allowed in a scene.
 ///
 /// # Errors
 ///
-/// It is before the first or after the last one, or no number; the error states them.
+/// The moment is before the first or after the last allowed one, or not a number; the error states the allowed years.
 pub fn check(time_s: f64) -> Result<f64, String> {
     let [first, last] = MOMENTS_S;
     if (first..=last).contains(&time_s) {
@@ -168,14 +168,14 @@ pub fn check(time_s: f64) -> Result<f64, String> {
     Err(format!("{}: must be in the years {from} to {to}, for which ephemerides are computed", written(time_s)))
 }
 
-/// Reads a moment, s since 2000-01-01T12:00:00Z. The forms are those of RFC 3339 with years of any length, which have a sign unless they have
-/// four or five digits; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC, or `MJD` with a
-/// modified one. The case of letters does not matter. A 60th second is the first of the next minute.
+/// Reads a moment, s since 2000-01-01T12:00:00Z. The forms are those of RFC 3339 with years of any length, which need a sign unless they have four or
+/// five digits; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC, or `MJD` with a modified
+/// one. The case of letters does not matter. A 60th second is the first of the next minute.
 ///
 /// # Errors
 ///
-/// The text has another form, its date or time does not exist, [`check`] refuses it, or it is a Julian date from 0 to 100,000, which is most likely a
-/// modified one, or a modified one from 2,400,000 to 2,500,000, which is most likely none.
+/// The text has another form, its date or time does not exist, [`check`] refuses it, or it is a Julian date from 0 to 100,000, which was most likely
+/// meant as a modified one, or a modified one from 2,400,000 to 2,500,000, which was most likely meant as a Julian date.
 pub fn moment(text: &str) -> Result<f64, String> {
     let text = text.trim();
     let after = |prefix: &str| {
@@ -197,7 +197,7 @@ fn julian_date_s(number: &str) -> Result<f64, String> {
     let time_s = (days - J2000_JD) * DAY_S + part * DAY_S;
     if LIKE_MJD.contains(&(days + part)) {
         return Err(format!(
-            "this Julian date is {}; for a modified Julian date write MJD {number}, for that day long ago its date",
+            "this Julian date is {}; for a modified Julian date write MJD {number}; if this day is meant, write its calendar date",
             written(time_s)
         ));
     }
@@ -211,14 +211,14 @@ fn modified_julian_date_s(number: &str) -> Result<f64, String> {
     let time_s = (days + MJD_DAYS - J2000_JD) * DAY_S + (part + 0.5) * DAY_S;
     if LIKE_JD.contains(&(days + part)) {
         return Err(format!(
-            "this modified Julian date is {}; for a Julian date write JD {number}, for that day its date",
+            "this modified Julian date is {}; for a Julian date write JD {number}; if this day is meant, write its calendar date",
             written(time_s)
         ));
     }
     Ok(time_s)
 }
 
-/// Whole days and fraction of a decimal number of days, both with its sign.
+/// Splits a decimal number of days into whole days and fraction, both with its sign.
 fn days_and_part(number: &str) -> Option<[f64; 2]> {
     let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
     let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
@@ -232,13 +232,13 @@ fn days_and_part(number: &str) -> Option<[f64; 2]> {
     Some([sign * days, sign * part])
 }
 
-/// A number of exactly so many digits at the beginning of a text, and the rest.
+/// Reads a number with exactly the given count of digits at the beginning of a text; also returns the rest.
 fn digits(text: &str, count: usize) -> Option<(i64, &str)> {
     let (number, rest) = text.split_at_checked(count)?;
     number.bytes().all(|byte| byte.is_ascii_digit()).then(|| number.parse().ok().map(|number| (number, rest)))?
 }
 
-/// A year with its sign at the beginning of a text, and the rest from the hyphen on.
+/// Reads a year with its sign at the beginning of a text; also returns the rest, from the hyphen on.
 fn year(text: &str) -> Option<(i64, &str)> {
     let sign = text.chars().next().filter(|first| matches!(first, '+' | '-'));
     let unsigned = if sign.is_some() { text.get(1..)? } else { text };
@@ -248,7 +248,7 @@ fn year(text: &str) -> Option<(i64, &str)> {
     Some((if sign == Some('-') { -year } else { year }, rest))
 }
 
-/// Hour and minute of a text `HH:MM`, and the rest.
+/// Reads hour and minute of a text `HH:MM`; also returns the rest.
 fn hour_and_minute(text: &str) -> Option<([i64; 2], &str)> {
     let (hour, rest) = digits(text, 2)?;
     let (minute, rest) = digits(rest.strip_prefix(':')?, 2)?;
@@ -300,7 +300,7 @@ fn date_time_s(text: &str) -> Result<f64, String> {
     }
     if is_left_out([year, month, day]) && written == text {
         return Err(format!(
-            "no calendar in use had it: in {year}-{month}, day 4 was followed by day 15; append {GREGORIAN} or {JULIAN}"
+            "no calendar in use had this date: in {year}-{month}, day 4 was followed by day 15; append {GREGORIAN} or {JULIAN}"
         ));
     }
     let most = calendar.days_of(year, month);
@@ -364,7 +364,7 @@ mod tests {
                 Err(problem) => assert!(jd.is_nan() && problem.contains("23:59:60"), "{problem}"),
             }
         }
-        // Modified Julian dates are at noon where Julian dates are at midnight.
+        // Whole modified Julian dates are at midnight, whole Julian dates at noon.
         assert_eq!(moment("MJD 61353.83"), moment("JD 2461354.33"));
         assert_eq!(moment("MJD 61353"), moment("2026-11-09T00:00:00Z"));
         // Microseconds survive.
@@ -402,7 +402,7 @@ mod tests {
             ("MJD", "a modified Julian date is a decimal number, as in MJD 51544.5"),
             ("MJD 1e3", "modified Julian date is a decimal number"),
             ("JD 61353.83", "-4545-11-18T07:55:12Z; for a modified Julian date write MJD 61353.83"),
-            ("jd 0", "write MJD 0, for that day long ago its date"),
+            ("jd 0", "write MJD 0; if this day is meant, write its calendar date"),
             ("JD 99999.9", "write MJD 99999.9"),
             ("MJD 2451545", "8570-12-24T00:00:00Z; for a Julian date write JD 2451545"),
             ("MJD 999999999", "years -6000 to 10000"),
@@ -431,7 +431,7 @@ mod tests {
             assert_eq!(moment(&written(time_s)), Ok(time_s), "{}", written(time_s));
         }
         assert_eq!(written(f64::NAN), "NaN s from 2000-01-01T12:00:00Z");
-        // Every day of 400 years about the year 0, and of a leap century.
+        // Every day of 400 years around the year 0, and of the years 1887 to 2002.
         for days in (-780_000..-634_000).chain(-30_000..12_000) {
             let [year, month, day] = gregorian_date(days);
             assert_eq!(gregorian_days(year, month, day), days);

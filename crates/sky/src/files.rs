@@ -24,8 +24,9 @@ thread_local! {
     static OPENED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
 }
 
-/// Runs `read` and returns its result with the files that it opened on this thread, each once, in order. Files refer
-/// to further files, which only their readers know. A nested call keeps its files to itself.
+/// Runs `read` and returns its result with the files that it opened on this thread, each once, in order. This includes
+/// files that other files refer to, which only their readers know. The files of a nested call are not included in those
+/// of the outer call.
 pub fn reading<T>(read: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
     let outer = OPENED.replace(Some(Vec::new()));
     let value = read();
@@ -58,7 +59,8 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
 /// First bytes of a file compressed with gzip.
 const GZIP: &[u8] = b"\x1f\x8b";
 
-/// Returns the content of a file, and whether its first bytes are those of gzip: it is then expanded while it is read.
+/// Returns the content of a file, and whether its first bytes are those of gzip. Such a file is decompressed while it
+/// is read.
 pub fn expanded(file: File) -> io::Result<(Box<dyn BufRead>, bool)> {
     let mut file = BufReader::new(file);
     let is_gzip = file.fill_buf()?.starts_with(GZIP);
@@ -77,12 +79,12 @@ pub fn read_bounded(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The same for a text file.
+/// Like [`read_bounded`], for a text file.
 pub fn read_text_bounded(path: &Path, most_bytes: u64) -> io::Result<String> {
     let bytes = read_bounded(path, most_bytes)?;
     String::from_utf8(bytes).map_err(|error| {
         let (valid, bytes) = (error.utf8_error().valid_up_to(), error.as_bytes());
-        // A file of UTF-16 begins with its mark of byte order.
+        // A UTF-16 file begins with a byte order mark.
         let problem = if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
             "it is UTF-16: save it as UTF-8".to_owned()
         } else {
@@ -159,7 +161,7 @@ pub fn is_same_file(first: &Path, second: &Path) -> bool {
 ///
 /// # Errors
 ///
-/// It, or the folder in which it would be created, is a file or cannot be written.
+/// The folder, or the one in which it would be created, is a file or not writable.
 pub fn check_folder(folder: &Path) -> io::Result<()> {
     let existing = folder.ancestors().find(|path| path.exists()).unwrap_or(Path::new("."));
     if !existing.is_dir() {
@@ -175,7 +177,7 @@ pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
     beside_with_suffix(path, "")
 }
 
-/// The same; the name of the file ends with `suffix`, for programs that go by it.
+/// Like [`beside`]; the name of the file ends with `suffix`, for programs that depend on it.
 pub fn beside_with_suffix(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".steradian-").suffix(suffix);
@@ -196,7 +198,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     publish(file, path)
 }
 
-/// The same; the data are on the disk before the file gets its name.
+/// Like [`write_whole`], but the data are flushed to the disk before the file gets its name.
 pub fn write_whole_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = beside(path)?;
     file.write_all(bytes)?;

@@ -8,7 +8,7 @@ pub const BLOCK: usize = 2880;
 /// Length of a card, bytes.
 pub const CARD: usize = 80;
 
-/// Most bytes of a header that is read from a stream: 999 columns with ten cards each need less than half.
+/// Largest header that is read from a stream, bytes; 999 columns with ten cards each need less than half of it.
 const MOST_HEADER_BYTES: usize = 2 << 20;
 
 /// A header: keywords and their values as text, strings without quotes.
@@ -49,7 +49,7 @@ impl Header {
         Err(format!("the header at byte {start} has no END"))
     }
 
-    /// Reads the next header of a file; `None` at its end. What follows the last unit and is shorter than a block is ignored.
+    /// Reads the next header of a file; `None` at its end. Bytes after the last unit that do not fill a block are ignored.
     ///
     /// # Errors
     /// Reading fails, or (inside) the header is not valid.
@@ -85,7 +85,7 @@ impl Header {
         (1..=count).map(axis).collect()
     }
 
-    /// Bytes of the data of a unit, padding included.
+    /// Length of the data of a unit, bytes, padding included.
     ///
     /// # Errors
     /// A keyword is missing or invalid, or the length overflows.

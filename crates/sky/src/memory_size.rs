@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Least size, bytes.
 const LEAST_BYTES: f64 = 67_108_864.0;
-/// Sizes from here on are mistakes, bytes.
+/// Sizes from this one on are rejected as mistakes, bytes.
 const MOST_BYTES: f64 = 1e18;
 /// Units and their powers of two, the largest last.
 const UNITS: [(&str, i32); 4] = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)];
@@ -60,7 +60,7 @@ impl From<MemorySize> for String {
 }
 
 impl fmt::Display for MemorySize {
-    /// The largest unit of which it is a multiple.
+    /// The largest unit of which the size is a multiple.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let fitting = UNITS.iter().rev().find(|(_, power)| self.bytes.is_multiple_of(1_u64 << power));
         match fitting {

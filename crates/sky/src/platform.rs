@@ -44,8 +44,8 @@ pub(crate) fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::
     }
 }
 
-/// The numbers by which the system knows a file, whatever its names are: hard links have the same. `None` where the standard library does
-/// not have them.
+/// The numbers that identify a file to the system, whatever its names are: all hard links to a file have the same numbers. `None` on systems for
+/// which the standard library does not provide them.
 pub(crate) fn identity(metadata: &Metadata) -> Option<[u64; 2]> {
     #[cfg(unix)]
     {

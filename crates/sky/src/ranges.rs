@@ -20,7 +20,7 @@ use schemars::{JsonSchema, generate::SchemaSettings};
 use serde_json::Value as Schema;
 use toml::Value;
 
-/// The unit of a number, as messages name it. The documentation shows it unless the key's ending already says it.
+/// The unit of a number, as messages name it. The documentation shows it unless the suffix of the key already states it.
 const UNIT: &str = "x-unit";
 /// Further condition on a number: `a power of two`.
 const ALSO: &str = "x-also";
@@ -47,7 +47,7 @@ impl Range {
         let text = |key: &str| schema.get(key).and_then(Schema::as_str).unwrap_or_default().to_owned();
         let (above, most) = (bound("exclusiveMinimum"), bound("maximum"));
         let least = above.or(bound("minimum"));
-        // The lower bound of every unsigned integer is not a range.
+        // The lower bound 0, which every unsigned integer has, does not count as a range.
         let by_type = least == Some(0.0) && most.is_none() && schema.get("type").is_some_and(is_integer);
         let is_bounded = (least.is_some() && !by_type) || most.is_some();
         is_bounded.then(|| Self { least, above: above.is_some(), most, unit: text(UNIT), also: text(ALSO) })
@@ -103,7 +103,7 @@ pub fn number(value: f64) -> String {
 pub struct KeyError {
     /// Path of the key within the checked value: `fov.left_deg`, `position_m[2]`; empty for the value itself.
     pub key: String,
-    /// What is wrong, and which values are valid.
+    /// The problem, and the valid values.
     pub problem: String,
 }
 
@@ -191,7 +191,7 @@ pub fn check<T: JsonSchema + 'static>(value: &Value) -> Result<(), KeyError> {
 }
 
 fn walk(schema: &Schema, value: &Value, path: &str) -> Result<(), KeyError> {
-    // An optional value or one of several forms: the form that fits the value.
+    // For an optional value, or one of several forms: the form that fits the value.
     for forms in ["oneOf", "anyOf"] {
         if let Some(forms) = schema.get(forms).and_then(Schema::as_array)
             && let Some(form) = forms.iter().find(|form| fits(form, value))
@@ -227,7 +227,7 @@ fn check_number(schema: &Schema, value: f64, path: &str) -> Result<(), KeyError>
     }
 }
 
-/// Whether a form of a schema is that of the value: by its type and by the keys of a table.
+/// Whether a form of a schema fits the value, judged by its type and, for a table, by its keys.
 fn fits(form: &Schema, value: &Value) -> bool {
     let kind = match value {
         Value::Float(_) => "number",
@@ -290,7 +290,7 @@ impl Ranges {
     }
 }
 
-/// Settings of which every key may be left out.
+/// Settings in which every key is optional.
 pub trait PartialSettings: Clone + Default + PartialEq {
     /// Names of all keys.
     const NAMES: &'static [&'static str];
@@ -298,10 +298,10 @@ pub trait PartialSettings: Clone + Default + PartialEq {
     /// Names of the keys that are given.
     fn given(&self) -> Vec<&'static str>;
 
-    /// Takes over the keys that `other` gives.
+    /// Sets the keys that `other` gives.
     fn extend(&mut self, other: Self);
 
-    /// Takes a key out; a name that is not a key has no effect.
+    /// Removes a key; a name that is not a key has no effect.
     fn remove(&mut self, name: &str);
 
     /// Whether no key is given.
@@ -315,20 +315,21 @@ pub trait KeyEffects: Sized {
     /// Their partial form.
     type Keys: PartialSettings;
 
-    /// These settings, but those that `keys` gives.
+    /// These settings, with the keys that `keys` gives replaced.
     #[must_use]
     fn with_keys(&self, keys: &Self::Keys) -> Self;
 
-    /// For a key without effect in these settings: the present value that prevents it, and a value with which it has one. `None`: it has an effect.
+    /// Reason why a key has no effect in these settings: the present value that prevents it, and a value with which it has one. `None` if the key has
+    /// an effect.
     fn obstacle(&self, key: &str) -> Option<Obstacle>;
 
-    /// Names of the given keys that have no effect in the settings that they make of these.
+    /// Names of the given keys that have no effect after they have been applied to these settings.
     fn without_effect(&self, keys: &Self::Keys) -> Vec<&'static str> {
         let all = self.with_keys(keys);
         keys.given().into_iter().filter(|key| all.obstacle(key).is_some()).collect()
     }
 
-    /// Refuses given keys that have no effect in the settings that they make of these.
+    /// Refuses given keys that have no effect after they have been applied to these settings.
     ///
     /// # Errors
     ///
@@ -359,7 +360,7 @@ impl fmt::Display for Obstacle {
 /// Declares settings together with their partial form, in which every key may be left out.
 ///
 /// Documentation, range and default of a key are written once. The settings have every key; the keys that are declared as `optional` may have no value.
-/// `with` puts the keys that a partial form gives over settings.
+/// `with` replaces the keys of settings that a partial form gives.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! settings {
@@ -396,7 +397,7 @@ macro_rules! settings {
         }
 
         impl $name {
-            /// These settings, but those that `keys` gives.
+            /// These settings, with the keys that `keys` gives replaced.
             #[must_use]
             pub fn with(&self, keys: &$keys) -> Self {
                 Self {

@@ -158,8 +158,9 @@ mod tests {
         })
     }
 
-    /// Illuminance of a star in the observer's frame divided by that in its rest frame, by another method: the
-    /// invariance of spectral radiance over frequency cubed, integrated over frequency, and the solid angle.
+    /// Illuminance of a star in the observer's frame divided by that in its rest frame, by another method. It
+    /// integrates over frequency, uses that spectral radiance over frequency cubed is invariant, and includes the
+    /// change of the solid angle.
     fn integrated_factor(temperature_k: f64, doppler: f64) -> f64 {
         let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);
         // Per frequency, W s/(m^2 sr).

@@ -34,7 +34,8 @@ pub struct TexelPlace {
 }
 
 impl SkyPictures {
-    /// The smallest faces with texels of at most this size, rad; at most of a side that no adapter has.
+    /// The smallest faces with texels of at most this size, rad. Their side is limited, to a length that no adapter
+    /// supports.
     pub fn of_texels(texel_rad: f64) -> Self {
         Self { side: 2 * ((CORNER_RAD / texel_rad).ceil() + MARGIN_TEXELS).min(MOST_HALF_SIDE) as u32 }
     }

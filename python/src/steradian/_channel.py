@@ -21,10 +21,10 @@ _OPTIONS: list[tuple[str, int | str]] = [
     # Maximum delay between reconnections: by default gRPC waits up to two minutes.
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 2000),
-    # A daemon that hangs is noticed within 15 s, also while no call waits.
+    # A daemon that hangs is noticed within 15 s, even while no call is waiting.
     ("grpc.keepalive_time_ms", 10_000),
     ("grpc.keepalive_timeout_ms", 5_000),
-    # Newer versions wait for this time.
+    # Newer versions of gRPC use this key instead of the previous one.
     ("grpc.http2.ping_timeout_ms", 5_000),
     ("grpc.keepalive_permit_without_calls", 1),
     ("grpc.http2.max_pings_without_data", 0),
@@ -33,11 +33,12 @@ _OPTIONS: list[tuple[str, int | str]] = [
     ("grpc.use_local_subchannel_pool", 1),
 ]
 _HEALTH = "/grpc.health.v1.Health/Check"
-# The answer of the health service of a daemon that serves: the message has one field.
+# Answer of the health service of a daemon that serves, encoded: the message has one field.
 _SERVING = b"\x08\x01"
-# Codes of a daemon that does not serve yet. NOT_FOUND comes from the server that reports the health during the start, while it ends.
+# Status codes of a daemon that does not serve yet. NOT_FOUND comes from the server that reports the health during the
+# start, when that server is about to end.
 _NOT_YET = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.NOT_FOUND)
-# gRPC names the host of a Unix socket by its path, percent-encoded, which the HTTP library of the daemon refuses.
+# gRPC names the host of a Unix socket by its percent-encoded path. The HTTP library of the daemon refuses such a host.
 _UNIX_HOST = ("grpc.default_authority", "localhost")
 
 PathLike = str | os.PathLike[str]
@@ -122,7 +123,7 @@ class Transport:
         self._channel.close()
 
     def wait_until_ready(self, timeout_s: float) -> None:
-        """Waits until the daemon says that it serves."""
+        """Waits until the daemon reports that it serves."""
         end = time.monotonic() + timeout_s
         check = self._channel.unary_unary(_HEALTH)
         found = "no connection"

@@ -70,7 +70,7 @@ class _Protocol:
                 self.methods[service.name] = calls
 
     def _method(self, package: str, service: str, method: Any) -> Method:
-        # Type names are absolute there, with a leading dot.
+        # Type names in descriptors are absolute, with a leading dot.
         return Method(
             path=f"/{package}.{service}/{method.name}",
             request=self.message_class(method.input_type[1:]),
@@ -234,7 +234,7 @@ def merge(target: Message, value: object) -> None:
     kind = target.DESCRIPTOR.full_name
     if _is_message(value, kind):
         other: Message = value
-        # It may be of another descriptor pool.
+        # The message may come from another descriptor pool.
         target.MergeFromString(other.SerializeToString())
     elif isinstance(value, Mapping):
         for name, part in value.items():

@@ -98,8 +98,8 @@ def looking_at(direction: npt.ArrayLike, up: npt.ArrayLike = (0.0, 0.0, 1.0)) ->
     back = -_unit(direction)
     right = _unit(np.cross(_unit(up), back))
     columns = np.stack([right, np.cross(back, right), back], axis=1)
-    # The eigenvector of the largest eigenvalue: no case distinctions by the trace. After I. Y. Bar-Itzhack, "New method
-    # for extracting the quaternion from a rotation matrix", 2000.
+    # Use the eigenvector of the largest eigenvalue, which needs no case distinctions by the trace. Source: I. Y.
+    # Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000.
     m = columns
     symmetric = np.array(
         [

@@ -48,7 +48,7 @@ def _header(data: bytes) -> tuple[dict[str, bytes], int]:
     if magic != 20_000_630:
         raise ValueError("this is not an OpenEXR file")
     if version & _NOT_FLAT:
-        raise ValueError("OpenEXR files with tiles, deep data or several parts are not read")
+        raise ValueError("OpenEXR files with tiles, deep data or several parts are not supported")
     attributes, at = {}, 8
     while data[at] != 0:
         name, at = _text(data, at)
@@ -74,7 +74,7 @@ def _channel_list(value: bytes) -> list[tuple[str, str]]:
 
 
 def _expanded(block: bytes) -> bytes:
-    """Expands run lengths: a count below 0 precedes that many bytes, another one a byte that occurs once more than it."""
+    """Expands run lengths. A count -n precedes n bytes to copy, a count n >= 0 one byte to repeat n + 1 times."""
     parts, at = [], 0
     while at < len(block):
         count = block[at] - 256 if block[at] > 127 else block[at]
@@ -92,7 +92,7 @@ def _decompressed(block: bytes, compression: int, size: int) -> bytes:
     expanded = _expanded(block) if compression == _RUN_LENGTHS else zlib.decompress(block)
     differences = np.frombuffer(expanded, dtype=np.uint8).copy()
     if differences.size != size:
-        raise ValueError("the OpenEXR file is damaged: a block has another size than its rows")
+        raise ValueError("the OpenEXR file is damaged: the size of a block differs from that of its rows")
     differences[1:] -= 128
     halves = np.cumsum(differences, dtype=np.uint8)
     joined = np.empty_like(halves)
@@ -130,7 +130,7 @@ def _channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
         if compression != 0 and size != whole:
             block = _decompressed(block, compression, whole)
         if len(block) != whole:
-            raise ValueError("the OpenEXR file is damaged: a block has another size than its rows")
+            raise ValueError("the OpenEXR file is damaged: the size of a block differs from that of its rows")
         rows = np.frombuffer(block, dtype=row)
         for name, image in images.items():
             image[first : first + count] = rows[name]

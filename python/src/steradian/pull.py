@@ -25,7 +25,7 @@ from .frames import Frame
 T = TypeVar("T")
 Loop = TypeVar("Loop", bound="PullLoop[Any]")
 
-# Delay between attempts to reconnect: doubles from the first to the second.
+# First and longest delay between attempts to reconnect: it doubles after each attempt.
 _FIRST_PAUSE_S = 0.1
 _LONGEST_PAUSE_S = 2.0
 
@@ -35,8 +35,8 @@ class Seen(NamedTuple):
 
     # 0: none.
     number: int
-    # The sequence of H.264 that its pictures continue, 0: none. The next picture continues it, too, and need not be a
-    # key picture.
+    # Number of the H.264 sequence that the pictures belong to, 0: none. The next picture may continue this sequence and
+    # need not be a key picture.
     video: int
 
 
@@ -44,7 +44,7 @@ _NOTHING = Seen(0, 0)
 
 
 class Closed(Exception):
-    """The loop was closed while a frame was waited for."""
+    """The loop was closed while a reader waited for a frame."""
 
 
 class PullLoop(Generic[T]):

@@ -35,7 +35,7 @@ def pose_fields(
     return changed if turn is None else changed | {"turn": turn}
 
 
-# Most poses with a time that wait to be sent: a further one waits.
+# Maximum number of poses with a time in the queue: the call that adds another one waits.
 MOST_WAITING = 1000
 
 
@@ -127,7 +127,7 @@ class Steering:
         self._call.cancel()
 
     def _put(self, message: Message) -> None:
-        """Queues a pose. One without a time is merged with the last of those that wait, and drops poses with times."""
+        """Queues a pose. One without a time removes queued poses with times, and is merged with the last one."""
         if not message.HasField("time"):
             while len(self._waiting) > 0 and self._waiting[-1].HasField("time"):
                 self._waiting.pop()

@@ -29,7 +29,8 @@ class Watch(Generic[T]):
         self._closed = False
         self._call: Any = transport.stream(method, request)
 
-        # Messages that a thread reads for `next`; None: the end. It holds one, so that a slow reader gets the newest.
+        # Queue of messages that a thread reads for `next`; None: the end. It holds only one, so that a slow reader gets
+        # the newest.
         self._read: queue.Queue[T | Exception | None] | None = None
 
     def __iter__(self) -> Iterator[T]:

@@ -96,7 +96,7 @@ fn footprint_of(slot: u32) -> Footprint {
     let end = clamp(ceil(shifted + half), vec2(0.0), size);
     footprint.first = vec2<i32>(first) + vec2(0, i32(splat.band.first_row));
     footprint.end = select(footprint.first, vec2<i32>(end) + vec2(0, i32(splat.band.first_row)), vec2(exists));
-    // Nearest point: position on the square and depth along the ray are each at most the outline.
+    // Depth limit from the nearest possible point: its position on the square and its depth along the ray are each at most the radius of the outline.
     let reach = select(distance, -centre.z, on_plane) - 1.4143 * sqrt(outline_squared);
     footprint.nearest = asteroid_target.near / (max(reach, 1e-6) * radius);
     // Size of a sample on the square, bounding radii; bounding radius in pixels.

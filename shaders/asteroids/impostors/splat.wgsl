@@ -24,7 +24,7 @@ const NEEDS_PARALLAX: u32 = 2u;
 var<workgroup> footprints: array<Footprint, SPLAT_THREADS>;
 var<workgroup> indices: array<u32, SPLAT_THREADS>;
 var<workgroup> taken: atomic<u32>;
-// Whether each footprint has its OWN sample.
+// Flag OWN for each footprint.
 var<workgroup> findings: array<atomic<u32>, SPLAT_THREADS>;
 
 @compute @workgroup_size(WORKGROUP)

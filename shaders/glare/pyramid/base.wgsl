@@ -16,7 +16,7 @@
 @group(0) @binding(5) var base: texture_storage_2d<rgba16float, write>;
 
 fn light_at(size: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
-    // The border is repeated.
+    // The border pixels are repeated.
     let clamped = min(pixel, size - 1u);
     var red_green = vec2(0.0);
     var blue_omega = vec2(0.0);

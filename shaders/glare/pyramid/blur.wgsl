@@ -27,7 +27,7 @@ fn blur_level(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var k = -3; k <= 3; k++) {
         let place = place_of_tap(viewport, taps, k);
         if place.z > 0.0 {
-            // Beyond the picture its border is repeated.
+            // Beyond the picture its border pixels are repeated.
             sum += parameters.weights[abs(k)] * textureSampleLevel(wider, bilinear, place.xy, 0.0).xyz;
         }
     }

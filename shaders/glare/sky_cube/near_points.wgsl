@@ -1,5 +1,5 @@
 // Evaluates the light that bodies scatter in the eye at the points of a grid over each picture, and marks the points where it is
-// too steep for interpolation: those beside a source.
+// too steep for interpolation: those next to a source.
 
 #import constants/frame_lists
 #import constants/workgroups
@@ -44,7 +44,7 @@ fn place_near(@builtin(global_invocation_id) place: vec3<u32>) {
         array<Directions4, 2>(directions_down(viewport, top, grid.spacing), directions_down(viewport, top + vec2(0u, 4u * grid.spacing), grid.spacing));
     var light: Light8;
     add_near(&light, view, directions);
-    // 1: beside a source, or where its parts replace it.
+    // 1: next to a source, or where its parts replace it.
     var steep: array<vec4<f32>, 2>;
     for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
         let parts = select(near[i].parts, 0u, (near[i].parts & IS_EXTENDED) != 0u);

@@ -1,6 +1,6 @@
-// Glare of surfaces in display images whose veil is in their sums of light: removes the scattered part of the light of
-// surfaces, and adds the light scattered by bodies. Beside a source it is computed per pixel as in shaders/glare/composite.wgsl,
-// since the veil of a bright body is too curved there for a grid of points.
+// Glare of surfaces in display images whose veil is in their sums of light: removes the scattered part of the light of surfaces, and adds the light
+// scattered by bodies. Next to a source it is computed per pixel as in shaders/glare/composite.wgsl, since the veil of a bright body is too curved
+// there for a grid of points.
 
 #import constants/frame_lists
 #import constants/pixel_grid
@@ -89,7 +89,7 @@ fn scatter_objects(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     }
     let view = views[tile.viewport];
     for (var first_row = row_group * ROWS; first_row < end_row; first_row += 8u) {
-        // The light of plain blocks is in their grid.
+        // The grid of plain blocks already contains their light.
         let flags = block_flags(tile.viewport, vec2(x, tile.first_row + first_row));
         let run = vec3(x, first_row, min(8u, end_row - first_row));
         if (flags & BLOCK_HAS_SMOOTH_GLARE) != 0u {

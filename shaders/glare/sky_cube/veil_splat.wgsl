@@ -51,7 +51,7 @@ fn lies_beside(viewport: Viewport, direction: vec3<f32>, sine: f32) -> bool {
 
 // Range of pixels that the veil of a source may reach.
 fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gaussian {
-    // Chords of sprites are so short that this exceeds the angle.
+    // Chords of sprites are so short that 1.01 times the chord exceeds the angle.
     let cut = 1.01 * chord;
     var reached: Gaussian;
     reached.last = vec2<i32>(viewport.size) - 1;

@@ -40,7 +40,7 @@ impl Ratio {
         }
     }
 
-    /// Returns the view and the place of both sides.
+    /// Returns the view and the camera's place for the two sides of the ratio.
     fn sides(self, px: u32) -> [(ViewKind, Place); 2] {
         let one = ViewKind::Perspective { size: [px; 2], fov_y_rad: 2.0 * EYE_HALF_FOV_RAD };
         match self {

@@ -52,7 +52,7 @@ impl Compared {
         self.scene.stars.stars.len() as u64
     }
 
-    /// Returns a view alone, with the size of its first image, pixels.
+    /// Returns a rig with only this view, and the size of the view's first image, pixels.
     pub fn view(&self, name: &str) -> Result<(Rig, [u32; 2]), String> {
         let rig = self.config.rig().map_err(|error| error.to_string())?;
         let view =

@@ -1,6 +1,6 @@
 //! Size of the axis `live` in a quick and in a full run.
 //!
-//! The configurations are those of the repository, which are part of the program, so that it can be charted anywhere.
+//! The configurations of the repository are embedded in the program, so that a chart can be made anywhere.
 
 use std::time::Duration;
 

@@ -1,12 +1,13 @@
-//! The axis `live`: what users run. Frames per second that a daemon delivers to a client as RGBA of 8 bits while the camera
+//! The axis `live`: the daemon as users run it. Measures frames per second that a daemon delivers to a client as RGBA of 8 bits while the camera
 //! turns, and the errors of these images, for several budgets (`accuracy.display_codes`).
 //!
 //! Each configuration runs in one daemon per budget, because the budget is a key of the configuration. All daemons run at
 //! the same time and take turns in rounds, so that other activity of the machine affects all of them alike; daemons without
 //! a reader draw nothing. The figures of a round are medians, and a row has the medians over the rounds.
 //!
-//! `service` comes after `chart` in the layers, so the caller passes in a function that starts a daemon ([`StartDaemon`]). Errors are measured with the chart's own renderer, in the same view and at the exposure that the
-//! daemon delivered: the image of the budget against the exact one, before rounding, over several poses of the same turn.
+//! `service` comes after `chart` in the layers, so the caller passes in a function that starts a daemon ([`StartDaemon`]). Errors are measured with
+//! the chart's own renderer, in the same view and at the exposure that the daemon delivered: the image of the budget against the exact one, before
+//! rounding, over several poses of the same turn.
 //!
 //! A daemon that does not start, and a view that is not delivered, have rows without figures; the notes give the reason.
 
@@ -23,9 +24,9 @@ use super::{Axis, Budget, ChartError, ReportStep, Row, Step, timing::Spread};
 use crate::render::Renderer;
 use std::time::Duration;
 
-/// Frames that are not counted before the first round of a view: they build the map of faint light, among others.
+/// Number of frames before the first round of a view that are not counted. They build the map of faint light and other data.
 const FIRST_SKIPPED: usize = 12;
-/// Frames that are not counted before the other rounds.
+/// Number of frames before the other rounds that are not counted.
 const SKIPPED: usize = 3;
 /// Turn of the camera, degrees per second.
 pub const LIVE_TURN_DEG_S: f64 = 5.0;

@@ -43,7 +43,7 @@ impl LiveMetric {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Error999Codes => {
-                "error against the exact image that 99.9 % of the channels do not exceed, codes of 8 bits before rounding"
+                "error that 99.9 % of the channels do not exceed, against the exact image, codes of 8 bits before rounding"
             }
             Self::ErrorLargestCodes => "the largest error, codes of 8 bits before rounding",
             Self::FramesPerS => "frames per second that reach a client as RGBA of 8 bits",
@@ -51,7 +51,7 @@ impl LiveMetric {
             Self::Ev100 => "exposure of the delivered frames, EV at ISO 100",
             Self::Pixels => "pixels of a delivered frame",
             Self::StarsInView => "stars in the picture of the exact image",
-            Self::StarsDrawn => "stars that the delivered frames draw one by one; a map has the others",
+            Self::StarsDrawn => "stars that the delivered frames draw one by one; the others are in a map",
         }
     }
 }
@@ -79,7 +79,7 @@ pub(super) fn rows(
     extent: &LiveExtent,
 ) -> Result<Vec<Row>, ChartError> {
     let adapter = renderer.adapter().adapter.clone();
-    // Draw nothing for a configuration of which no daemon delivers frames.
+    // Draw exact images only if a daemon of the configuration delivers frames.
     let delivers = runs.iter().any(|run| run.views.iter().any(|shown| !shown.rounds.is_empty()));
     let compared =
         if delivers { Compared::load(scene) } else { Err("not drawn, because no frame is delivered".into()) };
@@ -143,7 +143,7 @@ pub(super) fn rows(
     Ok(rows)
 }
 
-/// Text of a reason on one line, without the separator of notes.
+/// Returns a reason as one line, without the separator between notes.
 fn one_line(reason: &str) -> String {
     reason.split_whitespace().collect::<Vec<_>>().join(" ").replace("; ", ", ")
 }

@@ -61,14 +61,14 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<(), CliError> {
     report(out, &build)
 }
 
-/// Writes a part of a store as another one.
+/// Writes a part of a store as a new store.
 pub fn slice(path: &Path, selection: &Selection, out: &Path, memory_bytes: u64) -> Result<(), CliError> {
     let store = open_whole(path)?;
     let options = options(out, memory_bytes, None);
     let made = BuildProgress::during(|on_step| deep::slice::slice(&store, selection, options, on_step));
     let made = made.map_err(|error| match error {
         DeepError::NoStars { .. } => {
-            CliError::Usage(format!("{} has no star of these: {}", path.display(), selection.describe()))
+            CliError::Usage(format!("{} has no star in this selection: {}", path.display(), selection.describe()))
         }
         other => CliError::Deep(other),
     })?;
@@ -97,7 +97,7 @@ pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
     ))?;
     if let Some(difference) = checked.light {
         results::line(format!(
-            "light             every composite star is that of its cell; sums of planes differ by at most {difference:.1e} from those of their leaves"
+            "light             every composite star matches its cell; sums of planes differ by at most {difference:.1e} from those of their leaves"
         ))?;
     }
     results::line(format!("root checksum     {}", store.root()))
@@ -118,7 +118,7 @@ fn write_error(error: DeepError) -> CliError {
     }
 }
 
-/// Bytes of a star as text; a part may have none.
+/// Formats the mean bytes per star; empty for a part without stars.
 fn a_star(bytes: u64, stars: u64) -> String {
     if stars == 0 { String::new() } else { format!(" ({:.2} a star)", bytes as f64 / stars as f64) }
 }
@@ -137,7 +137,7 @@ fn report(out: &Path, build: &BuildReport) -> Result<(), CliError> {
         ),
         (counts.names_left_out, "not stored: names of stars in leaves"),
         (counts.too_faint, "not stored: stars fainter than V = 27"),
-        (repeated, "not stored: stars that equal another one"),
+        (repeated, "not stored: duplicates of other stars"),
         (listed_again, "not stored: stars within 2 arcsec and 1 mag of one of builtin:bright"),
     ];
     for (count, note) in notes.into_iter().filter(|(count, _)| *count > 0) {

@@ -47,7 +47,7 @@ enum CatalogueCommand {
         #[command(flatten)]
         share: Share,
     },
-    /// Join the parts of a deep store that `--cells` made: the same bytes as a store that was made at once.
+    /// Join the parts of a deep store that were made with `--cells`. The result has the same bytes as a store made in one run.
     #[command(after_help = "Example:\n  steradian catalogue merge part-* --out gaia\n\n\
         Parts must have the same inputs and be made by the same version, and each cell must be in one of them.")]
     Merge {
@@ -185,7 +185,7 @@ fn star_count(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Runs the command. Any folder is meant as a deep store, so that one without an index is reported as such.
+/// Runs the command. Every folder is opened as a deep store, so that a folder without an index is reported as such.
 pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
     match arguments.command {
         CatalogueCommand::Import { files, output, share: Share { cells } } => {
@@ -204,7 +204,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
             let is_deep = stars > MOST_STARS || cells.is_some();
             let memory = output.deep_memory().or_else(|| is_deep.then_some(DEFAULT_MEMORY));
             check_output(&output.out, [])?;
-            // The store is kept already.
+            // The result is itself a file, so do not cache the stars too.
             cache::set_for_process(None);
             match memory {
                 Some(memory_bytes) => deep::synth(&parameters, &output.out, memory_bytes, cells),
@@ -222,7 +222,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
         }
         CatalogueCommand::Slice { store, part, output } => match output.deep_memory() {
             Some(_) => Err(CliError::Usage(format!(
-                "--memory: {} is a store in one file, and so is a part of it; import it for a deep store",
+                "--memory: {} is a store in one file, and a part of it is one too; import it to make a deep store",
                 store.display()
             ))),
             None => {

@@ -11,7 +11,7 @@ use crate::cli::{CliError, load, results};
 use crate::scene::loader::{LoadError, LoadedCatalogue, StarSource};
 use crate::units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx};
 
-/// Writes catalogues as one store, and reports what is left out.
+/// Writes catalogues as one store, and reports the omitted data.
 pub fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
     let (mut store, report) = load::import(sources).map_err(|error| match error {
         // Here the numbers come from the command line and not from configuration keys.
@@ -32,7 +32,7 @@ pub fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
             continue;
         };
         results::line(format!("{line}, {} of {} rows rejected", rows.rejected, rows.rows))?;
-        // Everything that the file has and the store lacks.
+        // Report everything in the file that the store does not keep.
         if !rows.unused.is_empty() {
             results::line(format!("not stored: the columns {}", rows.unused.join(", ")))?;
         }
@@ -58,7 +58,7 @@ pub fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
     ))
 }
 
-/// Reads a store, which compares its checksum.
+/// Checks a store: reading it compares its checksum.
 pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
     let store = store::read(path).map_err(CliError::ReadStore)?;
     if light {
@@ -68,7 +68,7 @@ pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
     results::line(format!("{}: {} stars, the checksum is right", path.display(), store.stars.stars.len()))
 }
 
-/// Writes a part of a store as another one.
+/// Writes a part of a store as a new store.
 pub fn slice(path: &Path, selection: &Selection, out: &Path) -> Result<(), CliError> {
     let whole = store::read(path).map_err(CliError::ReadStore)?;
     let records = whole.records(0.0);
@@ -76,7 +76,8 @@ pub fn slice(path: &Path, selection: &Selection, out: &Path) -> Result<(), CliEr
     let (velocities, names) = store::kept(&keep, &whole.velocities, whole.names);
     let records: Vec<_> = records.into_iter().zip(&keep).filter(|(_, keep)| **keep).map(|(star, _)| star).collect();
     if records.is_empty() {
-        return Err(CliError::Usage(format!("{} has no star of these: {}", path.display(), selection.describe())));
+        let problem = format!("{} has no star in this selection: {}", path.display(), selection.describe());
+        return Err(CliError::Usage(problem));
     }
     let stars = records.len();
     let description = format!("{}\npart: {}", whole.description, selection.describe());

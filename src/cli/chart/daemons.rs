@@ -14,7 +14,7 @@ use crate::{
     service::{Delivered, DeliveryRound, LocalDaemon, measure_delivery, median_parts},
 };
 
-/// A daemon that does not serve by then, or delivers no frame for that long, has failed.
+/// Time limit for the start of a daemon, and for each frame; a daemon that exceeds it has failed.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Poses per second.
 const POSES_HZ: f64 = 250.0;
@@ -23,12 +23,12 @@ const POSES_HZ: f64 = 250.0;
 pub struct Daemons {
     program: PathBuf,
     runtime: Arc<Runtime>,
-    /// Arguments before those of `serve`.
+    /// Global arguments, which precede those of `serve`.
     global: Vec<OsString>,
 }
 
 impl Daemons {
-    /// Uses this program, which must be this version of `steradian`, with an adapter, and with the cache or without it.
+    /// Starts daemons with `program`, which must be this version of `steradian`, with the options of an adapter, and with or without the cache.
     ///
     /// # Errors
     /// The threads of the client cannot be started.

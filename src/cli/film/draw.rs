@@ -259,7 +259,7 @@ impl Film {
         let blur = self.shutter.map_or("none".to_owned(), |shutter| {
             format!("shutter open for {:?} of the time, {} moments", shutter.open, shutter.sub_frames)
         });
-        // One line per item: a file name cannot contain a line break that would imitate another item.
+        // Write one line per file, with an escaped name: a line break in a name must not imitate another file.
         let files = self.inputs.files()?;
         let contents: String = files.iter().map(|file| format!("{} {:?}\n", file.sha256, file.file)).collect();
         Ok(FilmRecord {
@@ -301,7 +301,7 @@ impl Film {
 
     /// Images of which the frames are made.
     fn wanted(&self) -> Wanted {
-        // Light is added up while the shutter is open.
+        // Motion blur adds up light, so it needs HDR images.
         if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() }
     }
 

@@ -42,7 +42,7 @@ pub struct FilmArguments {
 enum FilmCommand {
     /// Follow the camera of a daemon and write its path.
     Record(record::RecordArguments),
-    /// List the frames of a folder that are missing, damaged, or of another film.
+    /// List the frames of a folder that are missing, damaged, or from another film.
     Status(status::StatusArguments),
     /// Draw the frames again that `film status` lists.
     Repair(repair::RepairArguments),

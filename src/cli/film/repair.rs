@@ -1,4 +1,4 @@
-//! `film repair`: draws the frames again that are missing, damaged, or of another film.
+//! `film repair`: redraws the frames that are missing, damaged, or from another film.
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ pub fn run(arguments: &RepairArguments, gpu: &GpuOptions) -> Result<(), CliError
     if let Some((first, last)) = to_draw.first().zip(to_draw.last()) {
         draw(folder, &held, &to_draw, FrameRange { first: *first, end: last + 1 }, gpu)?;
     }
-    // Files of frames that the film does not have.
+    // Remove files of frames that are not in the film.
     let strays: Vec<&str> = status.faults.iter().filter(|file| !file.belongs).map(|file| file.file.as_str()).collect();
     for name in &strays {
         remove_file(folder, name)?;
@@ -44,7 +44,7 @@ pub fn run(arguments: &RepairArguments, gpu: &GpuOptions) -> Result<(), CliError
     results::line(format!("{}: {} frames drawn again, {} files removed", folder.display(), to_draw.len(), strays.len()))
 }
 
-/// Draws frames as the film is recorded.
+/// Draws frames again, from the record of the film.
 fn draw(
     folder: &Path,
     held: &FilmRecord,
@@ -75,11 +75,11 @@ fn draw(
     let open = FilmFolder::open(folder, &record, false)?;
     film.log_cost(&rig, to_draw.len(), to_draw.len());
     film.draw(&mut renderer, &open, &record, to_draw)?;
-    // The same film has the same bytes.
+    // The same film must have the same bytes.
     let after = recorded_checksums(folder)?;
     let changed = after.iter().filter(|(name, sha256)| before.get(*name).is_some_and(|before| before != *sha256));
     for (name, _) in changed {
-        tracing::warn!("{name} has other bytes than when it was first drawn");
+        tracing::warn!("{name}: its bytes differ from those of the first drawing");
     }
     Ok(())
 }

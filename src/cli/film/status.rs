@@ -1,4 +1,4 @@
-//! `film status`: lists the frames that are missing, damaged, or of another film.
+//! `film status`: lists the frames that are missing, damaged, or from another film.
 
 use std::path::{Path, PathBuf};
 
@@ -78,11 +78,11 @@ pub(super) fn report(folder: &Path, record: &FilmRecord, status: &FilmStatus) ->
     ))
 }
 
-/// Lines about the files of configuration and path that are not those with which the film was begun.
+/// Returns a line for each file of the configuration or the path that has changed since the film was begun.
 pub(super) fn changed_sources(record: &FilmRecord) -> Vec<String> {
     let changed = |source: &crate::output::provenance::InputFile| {
         let path = record.configuration.folder.join(&source.file);
-        let recorded = "the film keeps the one that film.json has";
+        let recorded = "the film continues with the version recorded in film.json";
         match inputs::file_sha256(&path) {
             Ok(sha256) if sha256 == source.sha256 => None,
             Ok(_) => Some(format!("{} changed since the film was begun; {recorded}", path.display())),

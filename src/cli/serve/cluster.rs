@@ -1,4 +1,4 @@
-//! The part of a daemon in a cluster, from its configuration.
+//! The role of a daemon in a cluster, with its configuration.
 
 use std::{
     env,
@@ -22,10 +22,10 @@ use crate::{
     service::cluster::{self, ClusterOptions},
 };
 
-/// Address of a node's daemon without `listen`.
+/// Default address of a node's daemon.
 const NODE_LISTEN: &str = "127.0.0.1:0";
 
-/// Bytes that are read at once for a hash.
+/// Size of the blocks in which a file is read to hash it, bytes.
 const HASHED_BYTES: usize = 1 << 20;
 
 /// `--role`.
@@ -37,12 +37,12 @@ pub(super) enum ClusterRole {
     Node,
 }
 
-/// The part of this daemon.
+/// The role of this daemon.
 pub(super) struct Part {
     cluster: ClusterConfig,
-    /// Number and keys of the node; `None`: the director.
+    /// Number and keys of the node; `None` for the director.
     pub(super) node: Option<(NodeId, NodeConfig)>,
-    /// The address that a director listens on, or all that a node dials.
+    /// The address that a director listens on, or all addresses that a node dials.
     endpoints: Vec<String>,
     rules: Rules,
 }
@@ -51,7 +51,7 @@ fn usage(problem: impl Into<String>) -> CliError {
     CliError::Usage(problem.into())
 }
 
-/// Returns the part that the arguments ask for; `None`: the daemon is alone.
+/// Returns the role that the arguments request; `None`: the daemon is not in a cluster.
 pub(super) fn part(config: &Config, arguments: &ServeArguments) -> Result<Option<Part>, CliError> {
     let Some(role) = arguments.role else {
         return match (&arguments.node, &arguments.endpoint) {
@@ -98,7 +98,8 @@ pub(super) fn part(config: &Config, arguments: &ServeArguments) -> Result<Option
     Ok(Some(Part { cluster, node, endpoints, rules }))
 }
 
-/// Sets the threads of Zenoh for encrypted connections. It reads them from the environment, so the program starts itself again with the variable.
+/// Configures Zenoh's threads for encrypted connections. Zenoh reads this setting from an environment variable, so the program restarts itself with
+/// the variable set.
 #[cfg(feature = "cluster")]
 fn set_threads_of_zenoh() -> Result<(), CliError> {
     let (name, value) = cluster::zenoh::ZENOH_THREADS;
@@ -114,7 +115,7 @@ fn set_threads_of_zenoh() -> Result<(), CliError> {
     }
 }
 
-/// The rules of the lock.
+/// Returns the rules of the frame lock.
 fn rules(cluster: &ClusterConfig, nodes: usize) -> Result<Rules, steradian_lock::rules::RulesError> {
     let nodes = u16::try_from(nodes).unwrap_or(u16::MAX);
     let ns = |seconds: f64| (seconds * 1e9).round() as u64;
@@ -157,7 +158,7 @@ pub(in crate::cli) fn version() -> Result<String, CliError> {
     Ok(format!("{} ({short})", env!("CARGO_PKG_VERSION")))
 }
 
-/// Files that pictures depend on, with their hashes. Names start at the folder of the configuration.
+/// Files that pictures depend on, with their hashes. Names are relative to the folder of the configuration.
 pub(in crate::cli) fn files(config: &Config) -> Result<Vec<(String, Hash)>, CliError> {
     let named = |path: PathBuf| {
         let name = path.strip_prefix(&config.folder).unwrap_or(&path).display().to_string();
@@ -234,7 +235,7 @@ impl Part {
 
     #[cfg(not(feature = "cluster"))]
     fn open(&self, _: &Config, name: &str, run: u64) -> Result<cluster::OpenWire, CliError> {
-        // `part` has refused the role.
+        // Without this feature, `part` refuses every role, so this is never called.
         Err(usage(format!("{name}, {run}, {}: no network", self.endpoints.join(", "))))
     }
 }

@@ -1,8 +1,8 @@
 //! `film.sha256`: a checksum of every frame file, in the form that `sha256sum --check` reads.
 //!
-//! The first line is a comment with the digest of the film; a line for each file follows. Runs append lines under the lock of the folder, before they give
-//! a file its name, so that every file has a line. At the end of a run the lines are sorted: the same files give the same bytes, whatever the runs and
-//! shards.
+//! The first line is a comment with the digest of the film; a line for each file follows. Runs append a line under the lock of the folder before they
+//! give a file its final name, so that every file has a line. At the end of a run the lines are sorted: the same files give the same bytes, whatever
+//! the runs and shards.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -41,7 +41,7 @@ fn parse(text: &str) -> Result<Checksums, String> {
             .split_once("  ")
             .filter(|(sha256, _)| sha256.len() == 64 && sha256.bytes().all(|byte| byte.is_ascii_hexdigit()));
         let (sha256, name) = parts.ok_or_else(|| format!("line {number} is not a SHA-256, two blanks and a name"))?;
-        // The last line of a name is that of its last drawing.
+        // If a name has several lines, the last line is valid: it was written when the file was last drawn.
         by_name.insert(name.to_owned(), sha256.to_owned());
     }
     Ok(Checksums { film: film.to_owned(), by_name })
@@ -52,7 +52,7 @@ impl Checksums {
     ///
     /// # Errors
     ///
-    /// The file cannot be read, or is something else.
+    /// The file cannot be read, or is not a file of checksums.
     pub fn read(folder: &Path) -> io::Result<Option<Self>> {
         match files::read_text_bounded(&path_in(folder), MOST_BYTES) {
             Ok(text) => parse(&text).map(Some).map_err(|problem| io::Error::new(io::ErrorKind::InvalidData, problem)),
@@ -76,7 +76,7 @@ fn line(sha256: &str, name: &str) -> String {
 /// Appends the checksum of a file. The folder is locked.
 pub fn append(folder: &Path, name: &str, sha256: &str) -> io::Result<()> {
     let mut file = OpenOptions::new().append(true).open(path_in(folder))?;
-    // One write: a killed program leaves a part of a line at most, which `repair_end` cuts off.
+    // A single write: a killed program leaves at most a part of a line, which `repair_end` cuts off.
     file.write_all(line(sha256, name).as_bytes())
 }
 

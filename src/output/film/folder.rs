@@ -56,7 +56,8 @@ pub struct FilmRecord {
     pub path_toml: String,
     /// Every file that the frames depend on.
     pub files: Vec<InputFile>,
-    /// Files of the configuration and of the path, when the film was begun. `configuration` and `path_toml` have their contents, with overrides.
+    /// The files of the configuration and of the path, as they were when the film was begun. `configuration` and `path_toml` have their contents,
+    /// with overrides.
     #[serde(default)]
     pub sources: Vec<InputFile>,
     /// Ranges of frames of all runs so far; empty in films of earlier versions.
@@ -136,7 +137,7 @@ fn checksums_file(folder: &Path) -> PathBuf {
     folder.join(checksums::NAME)
 }
 
-/// Prepares the file of checksums. The folder is locked. Those of another film are dropped with its frames.
+/// Prepares the file of checksums. The folder is locked. The checksums of another film are dropped with its frames.
 fn begin_checksums(folder: &Path, record: &FilmRecord, is_new: bool) -> Result<(), FilmError> {
     let path = checksums_file(folder);
     let new = || Checksums { film: record.digest.clone(), ..Checksums::default() };
@@ -241,7 +242,7 @@ impl FilmFolder {
     pub fn record_catalogues(&self, catalogues: Vec<UsedCatalogue>) -> Result<(), FilmError> {
         let _lock = locked(&self.folder)?;
         let path = self.folder.join("film.json");
-        // If another run has replaced the record since, recording is up to that run.
+        // If another run has replaced the record since, that run records the results.
         let held = held_record(&path)?.and_then(Result::ok);
         let held = held.filter(|held| held.digest == self.record.digest && held.catalogues.is_none());
         if let Some(held) = held {

@@ -77,12 +77,12 @@ impl FrameRange {
         (first < end).then_some(Self { first, end })
     }
 
-    /// Whether it has this frame.
+    /// Whether the range contains this frame.
     pub fn contains(self, frame: u32) -> bool {
         (self.first..self.end).contains(&frame)
     }
 
-    /// Ranges with the frames of `ranges` and of this one, in order and without overlaps.
+    /// Returns ranges with the frames of `ranges` and of this range, in order and without overlaps.
     pub fn joined_with(self, ranges: &[Self]) -> Vec<Self> {
         let mut all = ranges.to_vec();
         all.push(self);
@@ -136,7 +136,7 @@ pub(super) fn number_of(name: &str, stem: &str, extension: &str) -> Option<u32> 
     (file_name(stem, number, extension) == name).then_some(number)
 }
 
-/// Digits of such a file name.
+/// Digits of the frame number in such a file name.
 fn digits_of<'a>(name: &'a str, stem: &str, extension: &str) -> Option<&'a str> {
     let number = name
         .strip_prefix(stem)

@@ -73,7 +73,7 @@ pub struct ImageWords {
 ///
 /// # Errors
 ///
-/// The buffer of the format is missing or has another length, or the encoder refuses.
+/// The buffer that the format needs is missing or has another length, or the encoder fails.
 pub fn encode_image(format: FilmFormat, image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError> {
     match format {
         FilmFormat::Png8 => encode(Encoding::Png, image),

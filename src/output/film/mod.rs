@@ -1,10 +1,9 @@
 //! Films: numbered frames along a path. A frame depends only on its number, so frames can be drawn on any machine, in
 //! any order, and again.
 //!
-//! [`FilmTracks`] computes the values of a path at each frame, [`FilmFolder`] knows which frames exist and whether they
-//! belong to the same film, [`film_status`] judges the files of a film, [`with_writer`] encodes and writes in the background, [`Ffmpeg`] makes a video of the
-//! files, [`blur`] adds the light of several moments, and [`Recording`] makes a path from the observed camera and scene
-//! of a daemon.
+//! [`FilmTracks`] computes the values of a path at each frame, [`FilmFolder`] knows which frames exist and whether they belong to the same film,
+//! [`film_status`] checks the files of a film, [`with_writer`] encodes and writes in the background, [`Ffmpeg`] makes a video of the files, [`blur`]
+//! adds the light of several moments, and [`Recording`] makes a path from the observed camera and scene of a daemon.
 
 pub mod blur;
 mod checksums;

@@ -239,7 +239,7 @@ impl FrameValues {
         Camera::new(position_m.to_array(), orientation.to_array(), velocity_c.to_array())
     }
 
-    /// Returns the configuration of a frame, except for camera and time, which its types hold less exactly.
+    /// Returns the configuration of a frame, without camera and time: the types of the configuration are less precise than those of the path.
     pub fn applied_to(&self, config: &Config) -> Config {
         let mut config = config.clone();
         if let Some(limit) = self.magnitude_limit {
@@ -309,7 +309,7 @@ mod tests {
             assert!((turned * 100.0 / std::f64::consts::FRAC_PI_2 - 1.0).abs() < 1e-4, "{frame}: {turned}");
             assert!(position_m(frame).z.abs() < 1e-3 + 1e-12 * position_m(frame).length());
         }
-        // On a straight line the first frame alone would move by ten orders of magnitude.
+        // On a straight line, the distance would change by ten orders of magnitude in the first frame alone.
         let straight = tracks(&text.replace("around_m = [1e11, 2e10, -5e9]", ""));
         let first = straight.at(1).position_m.unwrap() - around_m;
         assert!(first.length() > 1e14 && position_m(1).length() < 2e7, "{first} {}", position_m(1));

@@ -11,7 +11,7 @@ use super::frames::MOST_FRAMES;
 use crate::config::{Easing, ExposureKey, FrameValues, Keyframe};
 use crate::scene::Camera;
 
-/// If values are further apart, the quantity was at rest, s.
+/// Longest interval between two values of a moving quantity, s. If values are further apart, the quantity was at rest.
 pub const MOST_GAP_S: f64 = 0.25;
 
 /// Frame numbers of keyframes: as evenly spaced as whole frames allow.
@@ -232,7 +232,7 @@ mod tests {
             let at_s = f64::from(step) * 0.03;
             recording.record_camera(at_s, &camera(at_s));
         }
-        // The camera rests for three seconds and is then elsewhere.
+        // The camera rests for three seconds and then jumps.
         recording.record_camera(4.0, &camera(70.0));
         recording.record_scene(2.0, &ObservedScene { magnitude_limit: 7.0, ..SCENE });
         let path = recording.end(5.0);

@@ -1,4 +1,4 @@
-//! Judges the frames in the folder of a film: missing, damaged, or of another film.
+//! Checks the frames in the folder of a film: finds those that are missing, damaged, or from another film.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -41,7 +41,7 @@ impl Fault {
     }
 }
 
-/// A file that is not as it should be.
+/// A file with a fault.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct FaultyFile {
     /// Its frame.
@@ -52,7 +52,7 @@ pub struct FaultyFile {
     pub fault: Fault,
     /// Description.
     pub problem: String,
-    /// Whether the film has such a frame. One that it does not have is removed by a repair.
+    /// Whether the film has this frame. A repair removes files of frames that the film does not have.
     pub belongs: bool,
 }
 
@@ -88,8 +88,8 @@ impl FilmStatus {
     }
 }
 
-/// Reads all files of a film. `expected`: the frames that it must have; without it those of all runs. `on_file` receives the number of finished files and
-/// the number of all.
+/// Reads all files of a film. `expected` gives the frames that it must have; by default the frames of all runs. `on_file` receives the number of
+/// finished files and the number of all.
 ///
 /// # Errors
 ///
@@ -110,7 +110,7 @@ pub fn film_status(
     let mut notes = Vec::new();
     if checksums.is_none() {
         notes.push(format!(
-            "no {}: an earlier version drew these frames; files can be read or not, but whether they are those that were drawn is unknown",
+            "no {}: an earlier version drew these frames; damaged files are found, but it is unknown whether the others are the pictures that were drawn",
             checksums::NAME
         ));
     }
@@ -122,7 +122,7 @@ pub fn film_status(
             let numbers: BTreeSet<u32> = existing.iter().filter_map(numbered).collect();
             let range = numbers.first().zip(numbers.last()).and_then(|(first, last)| FrameRange::new(*first, last + 1));
             notes.push(
-                "film.json does not have the range of its frames: the first and the last existing frame are taken for its ends; --frames gives others".to_owned(),
+                "film.json does not contain the range of frames: from the first to the last existing frame is assumed; --frames gives another range".to_owned(),
             );
             (range.into_iter().collect(), false)
         }
@@ -196,7 +196,7 @@ enum Verdict {
     Faulty(Fault, String),
 }
 
-/// Judges an existing file.
+/// Checks an existing file.
 fn judge(folder: &Path, name: &str, record: &FilmRecord, checksums: Option<&Checksums>) -> Result<Verdict, FilmError> {
     let path = folder.join(name);
     let bytes = match files::read_bounded(&path, MOST_BYTES) {
@@ -216,7 +216,7 @@ fn judge(folder: &Path, name: &str, record: &FilmRecord, checksums: Option<&Chec
             Verdict::Faulty(Fault::Foreign, format!("it is a frame of the film {:.12}", checksums.film))
         });
     }
-    // The file says whether bytes changed or it is another picture.
+    // Decode the file to find out whether it is damaged or a different picture.
     let read = if record.extension == "png" { read_png(&bytes) } else { read_exr(&bytes) };
     Ok(match (read, recorded) {
         (Err(problem), _) => Verdict::Faulty(Fault::Damaged, format!("{problem} ({} bytes)", bytes.len())),
@@ -231,11 +231,11 @@ fn judge(folder: &Path, name: &str, record: &FilmRecord, checksums: Option<&Chec
     })
 }
 
-/// Checks the checksums of all chunks of a PNG file. It does not say to which film it belongs.
+/// Checks the checksums of all chunks of a PNG file. A PNG file does not name its film.
 fn read_png(bytes: &[u8]) -> Result<Option<String>, String> {
-    let mut rest = bytes.strip_prefix(b"\x89PNG\r\n\x1a\n").ok_or("it does not begin as a PNG file")?;
+    let mut rest = bytes.strip_prefix(b"\x89PNG\r\n\x1a\n").ok_or("it does not begin like a PNG file")?;
     loop {
-        let truncated = || "it ends before its picture".to_owned();
+        let truncated = || "it ends before the end of its picture".to_owned();
         let (length, after) = rest.split_first_chunk::<4>().ok_or_else(truncated)?;
         let length = u32::from_be_bytes(*length) as usize;
         let (chunk, after) = after.split_at_checked(length.saturating_add(4)).ok_or_else(truncated)?;
@@ -245,7 +245,7 @@ fn read_png(bytes: &[u8]) -> Result<Option<String>, String> {
             return Err(format!("the checksum of its part {kind} is wrong"));
         }
         if &chunk[..4] == b"IEND" {
-            return if after.is_empty() { Ok(None) } else { Err("it continues after its picture".to_owned()) };
+            return if after.is_empty() { Ok(None) } else { Err("it continues after its last part".to_owned()) };
         }
         rest = after;
     }

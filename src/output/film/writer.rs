@@ -1,5 +1,4 @@
-//! Encodes and writes in the background: frames go through a bounded channel to a few threads, and drawing blocks while
-//! these are slower.
+//! Encodes and writes in the background: frames go through a bounded channel to a few threads; drawing blocks while the channel is full.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -14,7 +13,7 @@ use super::images::{FilmFormat, ImageWords, encode_image};
 use crate::files;
 use crate::render::FrameImage;
 
-/// Maximum number of threads. In memory are one frame per thread, one waiting and one being drawn.
+/// Maximum number of threads. Memory holds one frame per thread, one that waits, and one that is being drawn.
 const MOST_WRITERS: usize = 3;
 
 /// One image and its file.

@@ -15,7 +15,7 @@ pub(crate) fn lower_thread_priority() -> io::Result<()> {
     /// Difference in the steps of the system's `nice` value.
     #[cfg(target_os = "linux")]
     const STEPS: i32 = 10;
-    // Elsewhere this call concerns the whole process.
+    // On other systems this call concerns the whole process.
     #[cfg(target_os = "linux")]
     return Ok(rustix::process::setpriority_process(None, STEPS)?);
     #[cfg(not(target_os = "linux"))]
@@ -31,7 +31,7 @@ pub(crate) fn real_time_thread() -> io::Result<()> {
     round_robin(10, 0)
 }
 
-/// Gives the calling thread alone real-time scheduling, with a priority below that of [`real_time_thread`]. Threads that it starts have none.
+/// Gives the calling thread alone real-time scheduling, with a priority below that of [`real_time_thread`]. Threads that it starts do not inherit it.
 ///
 /// # Errors
 ///

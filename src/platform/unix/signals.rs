@@ -1,4 +1,4 @@
-//! Signals of the daemon and of commands that run until they are told to end.
+//! Signals of the daemon and of commands that run until they are stopped.
 
 use std::{future::Future, io};
 
@@ -21,13 +21,13 @@ pub(crate) fn end() -> io::Result<impl Future<Output = ()> + Send> {
     })
 }
 
-/// Keeps SIGHUP, whose default action ends the process, from doing so until the program ends. Needs a tokio runtime with I/O.
+/// Prevents SIGHUP from ending the process, which is its default action, until the program ends. Needs a tokio runtime with I/O.
 ///
 /// # Errors
 ///
 /// The system refuses the handler.
 pub(crate) fn survive_hangup() -> io::Result<()> {
-    // The handler stays when the value is dropped.
+    // The handler stays installed when the value is dropped.
     signal(SignalKind::hangup()).map(drop)
 }
 

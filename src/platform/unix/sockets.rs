@@ -30,7 +30,7 @@ impl LocalSocket {
         std::fs::metadata(&self.0).is_ok_and(|metadata| metadata.file_type().is_socket())
     }
 
-    /// Returns what the path leads to if that is neither a socket nor nothing.
+    /// Returns the kind of file at the path; `None` if none exists or it is a socket.
     pub(crate) fn obstacle(&self) -> Option<&'static str> {
         match std::fs::metadata(&self.0).ok()?.file_type() {
             kind if kind.is_socket() => None,
@@ -45,8 +45,7 @@ impl LocalSocket {
         self.attempt().is_ok()
     }
 
-    /// Connects to the process that listens there. It may be frozen, with as many connections waiting as the system allows: this does not wait with
-    /// them.
+    /// Connects to the process that listens there. Does not block, even if that process is frozen and its queue of connections is full.
     fn attempt(&self) -> io::Result<()> {
         let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, SocketFlags::NONBLOCK, None)?;
         match connect(&socket, &SocketAddrUnix::new(&self.0)?).map_err(io::Error::from) {
@@ -63,11 +62,11 @@ impl LocalSocket {
     pub(crate) fn release(&self) -> io::Result<bool> {
         match self.attempt() {
             Ok(()) => return Ok(false),
-            // The system answers for other files as for a socket that no process listens on.
+            // For other files, the system gives the same error as for a socket without a listening process, so check that it is a socket.
             Err(error) if error.kind() == io::ErrorKind::ConnectionRefused && self.exists() => {
                 std::fs::remove_file(&self.0)?;
             }
-            // There is no socket, or it cannot be opened: binding reports it.
+            // There is no socket, or it cannot be opened. Binding then reports the error.
             Err(_) => {}
         }
         Ok(true)
@@ -91,7 +90,7 @@ impl LocalSocket {
 pub(crate) struct LocalListener(UnixListener);
 
 impl LocalListener {
-    /// Two listeners for the same socket: in this runtime and in another one.
+    /// Returns two listeners for the same socket: one for this runtime and one for another runtime.
     ///
     /// # Errors
     ///
@@ -127,7 +126,7 @@ mod tests {
         assert!(!socket.answers() && socket.release().unwrap(), "nothing is there");
         let listener = UnixListener::bind(&path).unwrap();
         rustix::net::listen(&listener, 0).unwrap();
-        // One connection waits: that is as many as this backlog takes.
+        // One waiting connection fills this backlog.
         let _waiting = UnixStream::connect(&path).unwrap();
         assert!(socket.answers() && !socket.release().unwrap() && path.exists());
         drop(listener);

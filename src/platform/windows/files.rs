@@ -2,11 +2,11 @@
 
 use std::{io, path::Path};
 
-/// The same for all files that exist: an open file keeps its name on this system.
+/// Returns the same value for all existing files: on this system an open file keeps its name.
 ///
 /// # Errors
 ///
-/// The path leads to nothing, or to what cannot be examined.
+/// The path does not exist, or its file cannot be examined.
 pub(crate) fn identity(path: &Path) -> io::Result<[u64; 2]> {
     std::fs::metadata(path).map(|_| [0, 0])
 }

@@ -21,7 +21,7 @@ pub(crate) fn run_again_with(_: &str, _: &str) -> io::Error {
 ///
 /// The system refuses.
 pub(crate) fn lower_thread_priority() -> io::Result<()> {
-    // SAFETY: the handle stands for the calling thread and needs no closing.
+    // SAFETY: the handle denotes the calling thread and needs no closing.
     let done = unsafe { SetThreadPriority(GetCurrentThread(), THREAD_PRIORITY_BELOW_NORMAL) };
     if done == 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
 }
@@ -51,7 +51,7 @@ pub(crate) fn return_freed_memory() {}
 pub(crate) fn resident_bytes() -> Option<u64> {
     let size = size_of::<PROCESS_MEMORY_COUNTERS>() as u32;
     let mut counters = PROCESS_MEMORY_COUNTERS { cb: size, ..Default::default() };
-    // SAFETY: the handle stands for this process and needs no closing; `counters` has the given size.
+    // SAFETY: the handle denotes this process and needs no closing; `counters` has the given size.
     let done = unsafe { GetProcessMemoryInfo(GetCurrentProcess(), &raw mut counters, size) };
     (done != 0).then_some(counters.WorkingSetSize as u64)
 }

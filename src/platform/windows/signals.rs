@@ -1,4 +1,4 @@
-//! Console events that end the daemon and commands that run until they are told to end.
+//! Console events that end the daemon and commands that run until they are stopped.
 
 use std::{
     future::{Future, pending},

@@ -30,7 +30,7 @@ impl LocalSocket {
         match *self {}
     }
 
-    /// Returns what the path leads to if that is neither a socket nor nothing.
+    /// Returns the kind of file at the path; `None` if none exists or it is a socket.
     pub(crate) fn obstacle(&self) -> Option<&'static str> {
         match *self {}
     }
@@ -55,7 +55,7 @@ impl LocalSocket {
 pub(crate) enum LocalListener {}
 
 impl LocalListener {
-    /// Two listeners for the same socket: in this runtime and in another one.
+    /// Returns two listeners for the same socket: one for this runtime and one for another runtime.
     pub(crate) fn twice(self, _: &Handle) -> io::Result<(Self, Self)> {
         match self {}
     }

@@ -23,7 +23,7 @@ pub enum Lease {
     None,
     /// Takes the lease if it is free.
     Take,
-    /// Takes the lease, also from another holder.
+    /// Takes the lease, even from another holder.
     TakeOver,
 }
 
@@ -41,8 +41,8 @@ impl Steering {
         self.pass(update, None).await
     }
 
-    /// Moves the camera for a time of the daemon's clock: it moves there from the previous pose, and frames show its
-    /// place at the time at which they are displayed.
+    /// Sends a pose for a time of the daemon's clock. The camera moves to it from the previous pose; each frame shows the camera's place at the time
+    /// at which the frame is displayed.
     pub async fn send_for(&mut self, update: &CameraUpdate, time: SystemTime) -> bool {
         self.pass(update, Some(time.into())).await
     }
@@ -70,7 +70,7 @@ pub struct CameraReceiver {
 }
 
 impl CameraReceiver {
-    /// Waits for the next change; `None` when the daemon has ended the stream in order.
+    /// Waits for the next change; `None` when the daemon has ended the stream without an error.
     pub async fn next(&mut self) -> Result<Option<Camera>, ClientError> {
         self.stream.message().await?.map(received_camera).transpose()
     }

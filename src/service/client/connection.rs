@@ -196,8 +196,8 @@ pub struct ReceivedFrame {
     pub exposure_ev100: f64,
     /// Limiting magnitude of stars in the display image; `None` if unknown.
     pub limiting_magnitude: Option<f64>,
-    /// Deep stores: bound of what a pixel lacks or has in excess because stars have not been read yet, codes of 8 bits; `None`: no stars of a deep store
-    /// are drawn.
+    /// Deep stores: upper bound of a pixel's error due to stars that have not been read yet, codes of 8 bits; `None`: no stars of a deep store are
+    /// drawn.
     pub residual_codes: Option<f64>,
     /// Number of frames that this stream has dropped so far.
     pub dropped: u64,
@@ -283,7 +283,7 @@ pub struct FrameReceiver {
 }
 
 impl FrameReceiver {
-    /// Waits for the next frame; `None` when the daemon has ended the stream in order.
+    /// Waits for the next frame; `None` when the daemon has ended the stream without an error.
     pub async fn next(&mut self) -> Result<Option<ReceivedFrame>, ClientError> {
         let Some(frame) = self.stream.message().await? else { return Ok(None) };
         let read = proto::AcknowledgeFrameRequest { stream: frame.stream, frame_number: frame.frame_number };
@@ -420,7 +420,7 @@ impl Client {
         self.view.update_view(request).await?.into_inner().try_into()
     }
 
-    /// Replaces the view of the specification's name by the specification if the scene has the expected revision.
+    /// Replaces the view that has the name of the specification if the scene has the expected revision.
     pub async fn replace_view(
         &mut self,
         spec: &ViewSpec,
@@ -469,8 +469,8 @@ impl Client {
         self.view.next_frame(request).await?.into_inner().try_into()
     }
 
-    /// Returns the next frames of several views, each after the frame that the client has: when one is ready, those of
-    /// all views that are ready.
+    /// Returns the next frames of several views, each after the last frame that the client has. Waits until one of them is ready, and returns all
+    /// that are ready then.
     pub async fn next_frames<A: Into<After> + Copy>(
         &mut self,
         views: &[(&str, Encoding, A)],

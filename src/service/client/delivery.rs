@@ -23,9 +23,9 @@ use crate::{
     service::{proto, scene::camera::CameraUpdate},
 };
 
-/// Interval between statistics of the daemon, s: the shortest.
+/// Interval between statistics of the daemon, s: the shortest that it accepts.
 const STATS_S: f64 = 0.1;
-/// Most bytes of a daemon's messages that are kept.
+/// Maximum number of bytes that are kept of a daemon's messages.
 const MOST_MESSAGE_BYTES: usize = 16 << 10;
 
 /// Errors of a measurement.
@@ -172,7 +172,7 @@ pub struct DeliveryRound {
     pub view: String,
     /// Encoding of its images.
     pub encoding: Encoding,
-    /// Frames that are read before the measurement starts. The first ones build the map of faint light, among others.
+    /// Number of frames that are read before the measurement starts. The first ones build the map of faint light and other data.
     pub skipped: usize,
     /// Length of the measurement.
     pub length: Duration,
@@ -199,8 +199,8 @@ pub struct Delivered {
     pub pixels: u64,
     /// Limiting magnitude of the last display image; `None` if unknown.
     pub limiting_magnitude: Option<f64>,
-    /// Times of frames of the daemon by part, ms: (name, time) in the order in which the parts run, from planning to the
-    /// whole frame. Passes of one name are added.
+    /// Times of frames of the daemon by part, ms: (name, time) in the order in which the parts run, from planning to the whole frame. Times of passes
+    /// with the same name are added up.
     pub parts_ms: Vec<Vec<(String, f64)>>,
 }
 
@@ -303,7 +303,7 @@ pub async fn measure_delivery(address: &str, round: &DeliveryRound) -> Result<De
         pixels = frame.images.iter().map(|image| u64::from(image.width) * u64::from(image.height)).sum();
     }
     let frames_per_s = ages_ms.len() as f64 / begin.elapsed().as_secs_f64();
-    // Return the camera, when the last pose under way has arrived.
+    // Wait until the last pose in transit has arrived, then return the camera.
     drop((steer, watching));
     sleep(interval).await;
     client.set_camera(&turned(0.0)).await?;

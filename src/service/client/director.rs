@@ -1,4 +1,4 @@
-//! What a running director says of itself and of its nodes, for people.
+//! State of a running director and of its nodes, as readable text.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use crate::service::proto;
 
 /// State of a director.
 pub struct FoundDirector {
-    /// What it does.
+    /// Its phase.
     pub state: String,
     /// First digits of the hash of its configuration.
     pub configuration: String,
@@ -17,16 +17,16 @@ pub struct FoundDirector {
 
 /// State of a node, as its director sees it.
 pub struct FoundNode {
-    /// Whether it takes part with the director's scene.
+    /// Whether it takes part and has the director's scene.
     pub is_in: bool,
     /// State, version, scene and times in one line.
     pub text: String,
 }
 
-/// Asks the director at an address of the service, as for [`Client::connect_as`], for its state.
+/// Requests the state of the director at an address of its service (as for [`Client::connect_as`]).
 ///
 /// # Errors
-/// It cannot be reached, does not answer in time, or is in no cluster; the text says which.
+/// It cannot be reached, does not answer in time, or is not in a cluster; the text states the reason.
 pub fn ask_director(address: &str, credentials: &Credentials, patience: Duration) -> Result<FoundDirector, String> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| error.to_string())?;

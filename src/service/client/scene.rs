@@ -88,8 +88,7 @@ pub struct SceneReceiver {
 }
 
 impl SceneReceiver {
-    /// Waits for the next change, which is first the current scene; `None` when the daemon has ended the stream in
-    /// order.
+    /// Waits for the next change; the first one is the current scene. Returns `None` when the daemon has ended the stream without an error.
     pub async fn next(&mut self) -> Result<Option<SceneForm>, ClientError> {
         self.stream.message().await?.map(SceneForm::try_from).transpose()
     }
@@ -255,8 +254,8 @@ pub struct SeenObject {
 }
 
 impl Client {
-    /// Identifies the objects in an apparent direction (ICRS axes): bodies that cover it, nearest first, or stars
-    /// within `radius_deg` of it, brightest first; at most `most`.
+    /// Identifies the objects in an apparent direction (ICRS axes): bodies that cover it, nearest first, or stars within `radius_deg` of it,
+    /// brightest first. Returns at most `most` objects.
     pub async fn identify(
         &mut self,
         direction: DVec3,

@@ -12,7 +12,7 @@ pub struct StatsReceiver {
 }
 
 impl StatsReceiver {
-    /// Waits for the next statistics; `None` when the daemon has ended the stream in order.
+    /// Waits for the next statistics; `None` when the daemon has ended the stream without an error.
     pub async fn next(&mut self) -> Result<Option<proto::Stats>, ClientError> {
         Ok(self.stream.message().await?)
     }

@@ -13,9 +13,9 @@ use crate::platform::{ClockState, clock};
 const LARGEST_ERROR_US: i64 = 1_000;
 /// Time between two checks of the clock, ns.
 const CHECK_NS: u64 = 1_000_000_000;
-/// Both clocks are read within this time, ns, or again.
+/// Maximum time between the readings of both clocks, ns; otherwise they are read again.
 const TOGETHER_NS: u64 = 100_000;
-/// Attempts to do so.
+/// Maximum number of attempts to read both clocks within this time.
 const READINGS: u32 = 4;
 
 /// The reason not to trust a clock; `None`: it is trusted.
@@ -46,13 +46,13 @@ pub(super) struct Clock {
     checked_ns: Option<u64>,
     /// The reason not to use TAI; `None`: it is used.
     distrusted: Option<String>,
-    /// Whether the log has said that TAI is used, or that it is not; `None`: neither yet.
+    /// Whether TAI is used, as logged last; `None`: not logged yet.
     told: Option<bool>,
 }
 
 impl Clock {
     pub(super) fn new() -> Self {
-        let distrusted = Some("it was not checked yet".to_owned());
+        let distrusted = Some("it has not been checked yet".to_owned());
         Self { checked_ns: None, distrusted, told: None }
     }
 
@@ -62,7 +62,7 @@ impl Clock {
         if self.distrusted.is_some() {
             return Now::monotonic(monotonic_ns);
         }
-        // A thread that is interrupted between both readings would see a step of the clock.
+        // If the thread is interrupted between the two readings, they do not belong together: read the clocks again.
         let mut before_ns = monotonic_ns;
         for _ in 0..READINGS {
             let tai_ns = clock::tai_ns().ok();

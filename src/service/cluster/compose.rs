@@ -30,7 +30,7 @@ struct Eye {
     adapted_by: Option<(ExposureSettings, u64)>,
     adaptation: Adaptation,
     last: Option<Instant>,
-    /// The last exposure, in case that a client has chosen one that cannot be planned.
+    /// The last exposure; it is used if a client has chosen one that cannot be planned.
     ev100: f32,
 }
 
@@ -56,7 +56,7 @@ pub(super) struct Composer {
 /// A composed cue.
 pub(super) struct Composed {
     pub(super) cue: HashedCue,
-    /// The scene, if it is another one than in the last cue.
+    /// The scene, if it differs from that of the last cue.
     pub(super) new_scene: Option<Arc<[u8]>>,
 }
 

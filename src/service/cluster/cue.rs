@@ -1,4 +1,4 @@
-//! The cue of a STATE as protobuf: what a node needs to draw a frame besides its configuration and the scene.
+//! The cue of a STATE as protobuf: the inputs that a node needs for a frame, in addition to its configuration and the scene.
 
 use glam::{DQuat, DVec3};
 use prost::Message;
@@ -40,7 +40,7 @@ struct CuePb {
     ev100: Vec<f32>,
 }
 
-/// A cue, and the hash of the scene that it is for.
+/// A cue, and the hash of the scene for which it was composed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct HashedCue {
     pub(super) cue: Cue,

@@ -50,7 +50,7 @@ enum Compose {
     Drawn { ns: u64 },
 }
 
-/// What is known about a node besides its place.
+/// Information about a node, in addition to its place.
 #[derive(Default)]
 struct NodeNotes {
     ready: Window,
@@ -69,7 +69,7 @@ struct Conductor {
     lock: Director,
     compose: SyncSender<Compose>,
     notes: Vec<NodeNotes>,
-    /// Times of the last STATEs, and of the slowest drawing of each.
+    /// Times of the last STATE messages, and the longest drawing time for each.
     states: HashMap<u64, (u64, u64)>,
     commit: Window,
     committed: u64,
@@ -164,13 +164,13 @@ impl Conductor {
         }
     }
 
-    /// Notes what the network has refused; the log states each new reason.
+    /// Notes the refusals of the network, and logs each new reason.
     fn tell_refusals(&mut self, now: Now) {
         let new = refusals();
         if new.handshakes > self.refusals.handshakes {
             self.handshake_ns = Some(now.monotonic_ns);
             if new.handshake != self.refusals.handshake {
-                tracing::error!("cluster: a connection was refused, {} in all: {}", new.handshakes, new.handshake);
+                tracing::error!("cluster: a connection was refused, {} in total: {}", new.handshakes, new.handshake);
             }
         }
         for (node, denied) in &new.denied {
@@ -185,7 +185,7 @@ impl Conductor {
         self.refusals = new;
     }
 
-    /// States once which nodes have not said HELLO while the director waited for them.
+    /// Logs once which nodes did not send HELLO while the director waited for them.
     fn tell_absent(&mut self, now: Now) {
         if self.told_absent || now.monotonic_ns < self.station.begun_ns + self.station.party.rules.gather_ns {
             return;
@@ -199,7 +199,7 @@ impl Conductor {
         let names: Vec<&str> = absent.map(|index| self.station.party.nodes[index].name.as_str()).collect();
         if !names.is_empty() {
             tracing::warn!(
-                "cluster: not heard of {}: not started, not reachable, or not accepted with its certificate",
+                "cluster: no message from {}: not started, not reachable, or not accepted with its certificate",
                 names.join(", ")
             );
         }
@@ -284,7 +284,7 @@ impl Conductor {
             Ok(None) => {}
             Err(problem) => {
                 if self.problem != problem {
-                    tracing::error!("cluster: no frame can be asked for: {problem}");
+                    tracing::error!("cluster: no frame can be requested: {problem}");
                     self.problem = problem;
                 }
             }
@@ -301,7 +301,7 @@ impl Conductor {
                     ToNode::State(state) => {
                         self.states.insert(state.id.number, (now.monotonic_ns, 0));
                         if let Some((_, slowest_ns)) = self.states.remove(&state.id.number.wrapping_sub(4)) {
-                            // A full queue loses a figure.
+                            // If the queue is full, this figure is lost.
                             let _ = self.compose.try_send(Compose::Drawn { ns: slowest_ns });
                         }
                     }
@@ -327,7 +327,7 @@ impl Conductor {
             }
             Action::Deposed { by } => {
                 tracing::error!(
-                    "cluster: another director leads (epoch {}); this one sends nothing any more",
+                    "cluster: another director leads (epoch {}); this one no longer sends anything",
                     by.counter
                 );
             }
@@ -358,7 +358,7 @@ impl Conductor {
         }
     }
 
-    /// The problem, if there is one: no frame can be asked for, or a connection was refused a short time ago.
+    /// The problem, if there is one: no frame can be requested, or a connection was refused a short time ago.
     fn reason(&self, now: Now) -> String {
         let is_recent = |at_ns: u64| now.monotonic_ns < at_ns + RECENT_NS;
         if self.problem.is_empty() && self.handshake_ns.is_some_and(is_recent) {
@@ -382,7 +382,7 @@ impl Conductor {
                         "absent",
                         format!("refused: a process with the certificate of `{common_name}` says that it is this node"),
                     ),
-                    None => ("absent", "it has not said HELLO".to_owned()),
+                    None => ("absent", "it has not sent HELLO".to_owned()),
                 },
             };
             NodeFigures {
@@ -440,7 +440,7 @@ fn why(reason: OutReason) -> &'static str {
         OutReason::Joining => "it joins: it has not been ready often enough yet",
         OutReason::Misses => "it was not ready in time",
         OutReason::Lost => "its connection ended",
-        OutReason::Unknown => "it has to say HELLO",
+        OutReason::Unknown => "it must send HELLO",
     }
 }
 

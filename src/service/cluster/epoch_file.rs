@@ -1,4 +1,4 @@
-//! The file in which a node keeps the epoch that it has promised. It is on disk before the node votes.
+//! The file in which a node stores the epoch that it has promised. The epoch is on disk before the node votes.
 
 use std::{
     fs::{self, File},

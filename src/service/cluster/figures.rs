@@ -7,7 +7,7 @@ use std::{
 
 use steradian_lock::director;
 
-/// Values that a distribution is computed from.
+/// Number of values from which a distribution is computed.
 const WINDOW: usize = 1024;
 
 /// State of the cluster as one process knows it. Times in ms.

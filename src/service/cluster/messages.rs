@@ -102,7 +102,7 @@ struct WelcomePb {
     newest: u64,
 }
 
-/// One of the fields is set.
+/// Exactly one of the fields is set.
 #[derive(Clone, PartialEq, Message)]
 struct RefusedPb {
     #[prost(uint32, repeated, tag = "1")]

@@ -1,14 +1,14 @@
-//! Several daemons in frame lock. One is the director, the others are nodes; `docs/cluster.md` describes the whole.
+//! Several daemons in frame lock. One is the director, the others are nodes; `docs/cluster.md` describes the design.
 //!
 //! | module | content |
 //! |---|---|
 //! | `wire` | the network as a trait; `zenoh` is the one in use (feature `cluster`) |
-//! | `messages`, `cue`, `report`, `scene` | what is sent, as protobuf |
+//! | `messages`, `cue`, `report`, `scene` | content of messages, as protobuf |
 //! | `director`, `compose` | the director's threads: the lock, and cues |
 //! | `node`, `epoch_file` | the node's thread, and the epoch that it has promised |
-//! | `station` | what both threads have in common |
+//! | `station` | state and methods that both threads share |
 //! | `figures` | figures for clients |
-//! | `refusals` | refusals that the network states in its log only |
+//! | `refusals` | refusals that the network reports only in its log |
 //!
 //! The thread of a director or node owns the state machine of the lock and the wire. Callbacks of the network, the render thread and the composer
 //! push events into its queue; nothing else is shared, and nothing waits on the path of a frame.
@@ -50,7 +50,7 @@ use self::{figures::SharedFigures, queue::Queue};
 use super::{engine::render_handle::RenderHandle, threads::RunningThread};
 use crate::{config::NodeConfig, platform::process};
 
-/// The part of a daemon in a cluster.
+/// Options of a daemon that is part of a cluster.
 pub struct ClusterOptions {
     /// Name of the cluster.
     pub cluster: String,
@@ -68,13 +68,13 @@ pub struct ClusterOptions {
     pub epoch_file: PathBuf,
     /// Address at which clients reach the director.
     pub director: String,
-    /// Whether to ask for real-time scheduling of the threads of the network, and of the one that presents.
+    /// Whether to request real-time scheduling of the network's threads and of the presenting thread.
     pub real_time: bool,
     /// Opens the network.
     pub open: OpenWire,
 }
 
-/// What the threads need of the options.
+/// Options that the threads need.
 struct Party {
     cluster: String,
     name: String,
@@ -86,7 +86,7 @@ struct Party {
     epoch_file: PathBuf,
 }
 
-/// The running part of a daemon in a cluster.
+/// The part of a running daemon that belongs to its cluster.
 pub(crate) struct Cluster {
     figures: Arc<SharedFigures>,
     /// Node: the reason why changes are refused.
@@ -98,7 +98,7 @@ pub(crate) struct Cluster {
 pub(crate) type ClusterThread = RunningThread<Result<(), String>>;
 
 impl Cluster {
-    /// Starts the part of a daemon. A node is led from now on.
+    /// Starts the thread of a director or a node. From now on, a node draws frames only on request of the director.
     ///
     /// # Errors
     ///
@@ -112,7 +112,7 @@ impl Cluster {
         let figures = Arc::new(SharedFigures::default());
         let refusal = own.as_ref().map(|own| {
             let text = format!(
-                "this daemon is node `{}` of the cluster `{}`: changes go to the director, at {director}",
+                "this daemon is node `{}` of the cluster `{}`: send changes to the director, at {director}",
                 own.name, party.cluster
             );
             text.into()
@@ -155,7 +155,7 @@ impl Cluster {
     }
 }
 
-/// The queue of a thread, its events, and the callback of the wire that adds what is heard.
+/// The queue of a thread, its events, and the callback of the wire that adds received messages.
 fn queue_of<E: Send + 'static>(event: fn(Heard) -> E) -> (Arc<Queue<E>>, Receiver<E>, Hear) {
     let (queue, events) = Queue::new();
     let queue = Arc::new(queue);

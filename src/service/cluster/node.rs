@@ -41,9 +41,9 @@ use crate::{
     },
 };
 
-/// Time of looking for a director after which the log states it, ns.
+/// Time without a director after which the log reports it, ns.
 const LOOKING_NS: u64 = 5_000_000_000;
-/// Time between two questions for the director's scene, ns.
+/// Time between two requests for the director's scene, ns.
 const ASK_NS: u64 = 500_000_000;
 
 /// An event of the node's thread.
@@ -76,7 +76,7 @@ struct Player {
     pictures: HashMap<FrameId, (Pictures, u64)>,
     /// Pictures that were handed to the stage.
     staged: u64,
-    /// What streams show, to be shown in black.
+    /// Pictures that streams show, to be shown in black.
     last: Option<Pictures>,
     /// Revision and hash of the scene.
     scene: (u64, [u8; 32]),
@@ -87,7 +87,7 @@ struct Player {
     shown_ns: Option<u64>,
     intervals: Window,
     is_black: bool,
-    /// Since when the node is in its state, and whether the log states that it looks in vain.
+    /// Time at which the node entered its state, and whether the log has reported that it found no director.
     state_ns: u64,
     told_looking: bool,
     state: &'static str,
@@ -107,7 +107,7 @@ pub(super) fn spawn(
 ) -> io::Result<RunningThread<Result<(), String>>> {
     let (scenes, work) = sync_channel::<Vec<u8>>(1);
     let (adopting, adopted) = (render.clone(), Arc::clone(queue));
-    // Not from the cluster's thread, whose scheduling it would inherit.
+    // Do not start this thread from the cluster's thread: it would inherit the scheduling of that thread.
     thread::Builder::new().name("cluster-scene".to_owned()).spawn(move || {
         while let Ok(bytes) = work.recv() {
             adopted.push_surely(Event::Adopted(adopt(&bytes, &adopting)));
@@ -203,7 +203,7 @@ impl Player {
                 self.lock.connected(now);
             }
             Heard::Director(false) => tracing::warn!("cluster: the connection to a director ended"),
-            // One that is being adopted comes first.
+            // A scene that is received while another one is being adopted is dropped; it is requested again later.
             Heard::Scene(bytes) => self.adopting |= self.scenes.try_send(bytes).is_ok(),
             Heard::FromNode(..) | Heard::Node(..) => {}
         }
@@ -253,10 +253,10 @@ impl Player {
             return;
         }
         if self.asked_ns.replace(now.monotonic_ns).is_none() {
-            tracing::info!("cluster: the director has another scene, asking for it");
+            tracing::info!("cluster: the director has another scene, requesting it");
         }
         if let Err(error) = self.station.wire.ask_scene() {
-            self.report(format!("cannot ask for the director's scene: {error}"));
+            self.report(format!("cannot request the director's scene: {error}"));
         }
     }
 
@@ -335,7 +335,7 @@ impl Player {
         Ok(())
     }
 
-    /// Notes what the network has refused; the log states each new reason.
+    /// Notes the refusals of the network, and logs each new reason.
     fn tell_refusals(&mut self) {
         let new = refusals();
         if !new.connection.is_empty() && new.connection != self.refusals.connection {

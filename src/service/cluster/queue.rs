@@ -5,7 +5,7 @@ use std::sync::{
     mpsc::{Receiver, SyncSender, TrySendError, sync_channel},
 };
 
-/// Events that may wait. A thread that is so far behind loses messages, as a network does.
+/// Maximum number of waiting events. If the thread falls further behind, messages are lost, as in a network.
 const MOST_EVENTS: usize = 4096;
 
 /// The sending side.
@@ -29,7 +29,7 @@ impl<T> Queue<T> {
         }
     }
 
-    /// Adds an event that must not be lost, and waits for a place.
+    /// Adds an event that must not be lost; waits while the queue is full.
     pub(super) fn push_surely(&self, event: T) {
         // The thread has ended.
         let _ = self.sender.send(event);

@@ -7,7 +7,8 @@
 //! | `...::interceptor::access_control` | trace | `ZID on ...CertCommonName(NAME)... is unauthorized to Put (ingress) on KEY` | denied |
 //! | `...::runtime::orchestrator` | debug | `Unable to connect to configured peer ENDPOINT! REASON` | connection |
 //!
-//! A log belongs to the process, and so do these counts. The version of Zenoh is held exactly; a test with processes checks each message.
+//! The whole process shares one log, and therefore one set of counts. The exact version of Zenoh is pinned, and a test with processes checks each
+//! message.
 
 use std::{
     collections::BTreeMap,
@@ -57,7 +58,7 @@ pub(super) fn refusals() -> Refusals {
     all().clone()
 }
 
-/// The part of a reason that is not about Zenoh's sources.
+/// Returns a reason without hints and without the location in Zenoh's sources.
 fn reason(text: &str) -> &str {
     let text = text.split_once(". Hint:").map_or(text, |(reason, _)| reason);
     text.split_once(" at /").map_or(text, |(reason, _)| reason).trim_end_matches(['.', ' '])
@@ -162,7 +163,7 @@ mod tests {
             refusals.note(ACCESS, message);
         }
         assert_eq!(refusals, Refusals::default());
-        // Names that a stranger invents do not fill the memory.
+        // Names that an unknown process invents do not fill the memory.
         (0..1000)
             .for_each(|node| refusals.note(ACCESS, &format!("a is unauthorized to Put (ingress) on s/d/up/{node}")));
         assert_eq!(refusals.denied.len(), usize::from(MAX_NODES));

@@ -1,4 +1,4 @@
-//! The report in READY: what the director shows about a node.
+//! The report in a READY message: data of a node that the director displays.
 
 use prost::Message;
 

@@ -1,4 +1,4 @@
-//! The director's scene for its nodes: what a state file keeps, with the revision, and a hash that is equal if the scenes are.
+//! The director's scene for its nodes: the content of a state file, the revision, and a hash. Equal scenes have equal hashes.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ pub(super) fn encode(scene: &SceneState, time: &TimeSource) -> Arc<[u8]> {
     ScenePb { saved, jumps: scene.jumps }.encode_to_vec().into()
 }
 
-/// Hash of everything in a scene that determines pictures. The scene's time is not in it: cues have it.
+/// Hash of everything in a scene that determines pictures. The scene's time is left out, because cues contain it.
 pub(super) fn hash(scene: &SceneState, time: &TimeSource) -> [u8; 32] {
     let mut saved = Saved::from_scene(scene, None, time);
     saved.time = None;

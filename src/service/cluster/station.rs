@@ -1,4 +1,4 @@
-//! What the threads of a director and of a node have in common: their place in the cluster, the wire, and figures.
+//! Common parts of the threads of a director and of a node: their place in the cluster, the wire, and figures.
 
 use std::{
     sync::{Arc, mpsc::Receiver},
@@ -20,7 +20,7 @@ pub(super) const FRAMES: &str = "steradian::cluster::frames";
 /// Time between two updates of the figures, ns.
 const FIGURES_NS: u64 = 200_000_000;
 
-/// A process of the cluster, as its thread has it.
+/// State of a process of the cluster, owned by its thread.
 pub(super) struct Station {
     pub(super) party: Party,
     pub(super) clock: Clock,
@@ -65,7 +65,7 @@ impl Station {
         }
     }
 
-    /// Whether it is time to publish figures; then the next time is later.
+    /// Returns whether figures are due. If they are, sets the time at which they are due next.
     pub(super) fn is_figures_time(&mut self, now: Now) -> bool {
         let is_due = now.monotonic_ns >= self.figures_ns;
         if is_due {
@@ -75,7 +75,7 @@ impl Station {
         is_due
     }
 
-    /// Figures of the process; those of its role are missing.
+    /// Returns the figures of the process, without those of its role.
     pub(super) fn figures(&self) -> ClusterFigures {
         ClusterFigures {
             cluster: self.party.cluster.clone(),

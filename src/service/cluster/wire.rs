@@ -1,4 +1,4 @@
-//! The network between director and nodes, as a small trait. Tests have their own.
+//! The network between director and nodes, as a small trait. Tests have their own implementation.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub enum Heard {
     Node(NodeId, bool),
     /// A director is connected (true), or the connection to it ended.
     Director(bool),
-    /// The director's scene, which the node has asked for.
+    /// The director's scene, which the node has requested.
     Scene(Vec<u8>),
 }
 
@@ -49,7 +49,7 @@ pub trait Wire: Send {
     ///
     /// # Errors
     ///
-    /// The network refuses the question.
+    /// The network refuses the request.
     fn ask_scene(&mut self) -> Result<(), String>;
 }
 

@@ -1,15 +1,15 @@
-//! The wire over Zenoh: a star of explicit addresses. Nodes dial, directors listen; nobody is found by multicast or gossip.
+//! The wire over Zenoh: a star of explicit addresses. Nodes connect, directors listen; processes are not discovered by multicast or gossip.
 //!
 //! | key, below `steradian/NAME` | from | content |
 //! |---|---|---|
 //! | `down/all`, `down/to/NODE` | director | messages to all nodes, to one |
 //! | `up/NODE` | node | messages to all directors |
-//! | `node/NODE`, `director/ID` | all | liveliness tokens: an end of a connection is noticed by them |
-//! | `scene` | director | answers questions for the scene |
+//! | `node/NODE`, `director/ID` | all | liveliness tokens: they reveal the end of a connection |
+//! | `scene` | director | answers requests for the scene |
 //!
-//! Messages of the lock are express, of real-time priority, and dropped if a connection cannot take them: a process that hangs delays nobody. With
-//! TLS both sides have certificates, and access lists by common name say who may send what, tokens included. Callbacks run on Zenoh's threads and
-//! only push into a queue.
+//! Messages of the lock are express, of real-time priority, and dropped if a connection cannot take them, so that a process that hangs delays no
+//! other process. With TLS both sides have certificates, and access lists by common name determine which process may send which messages, tokens
+//! included. Callbacks run on Zenoh's threads and only push into a queue.
 
 use std::{
     path::PathBuf,
@@ -30,15 +30,16 @@ use zenoh::{
 
 use super::wire::{Hear, Heard, OpenWire, To, Wire};
 
-/// Time after which a silent connection ends, ms. The deadline of READY is shorter; this frees what a process that hangs holds.
+/// Time after which a silent connection ends, ms. The deadline of READY is shorter; this timeout only frees the resources of a process that hangs.
 const LEASE_MS: u32 = 1000;
-/// Messages that wait for an encrypted connection, of each priority but that of frames: the most that Zenoh allows.
+/// Maximum number of messages that wait for an encrypted connection, for each priority except that of frames. It is the largest value that Zenoh
+/// allows.
 const MOST_QUEUED: u32 = 16;
 /// Time between two attempts to connect, ms.
 const RETRY_MS: u32 = 100;
 
-/// Variable for the threads of Zenoh, and its value under TLS: one thread reads and writes all connections. By default several do, also the same
-/// encrypted connection at the same time, which corrupts its memory and ends the process (eclipse-zenoh/zenoh, issue 2557).
+/// Variable for the threads of Zenoh, and its value under TLS: one thread reads and writes all connections. By default several threads do, even for
+/// the same encrypted connection at the same time. This corrupts its memory and ends the process (eclipse-zenoh/zenoh, issue 2557).
 pub const ZENOH_THREADS: (&str, &str) = ("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx))");
 
 /// A process's place in the network.
@@ -50,7 +51,7 @@ pub struct ZenohOptions {
     pub nodes: Vec<(String, String)>,
     /// The number of this node; `None`: a director.
     pub node: Option<NodeId>,
-    /// Addresses: the one to listen on for a director, those to dial for a node.
+    /// Addresses: for a director the one to listen on, for a node those to connect to.
     pub endpoints: Vec<String>,
     /// Random number of the process.
     pub run: u64,
@@ -137,7 +138,7 @@ impl ZenohOptions {
             ("mode", json!("peer")),
             ("listen/endpoints", json!(listen)),
             ("connect/endpoints", json!(connect)),
-            // In the background, for ever.
+            // -1: tries to connect in the background, without a time limit.
             ("connect/timeout_ms", json!(-1)),
             ("connect/exit_on_failure", json!(false)),
             ("connect/retry", retry),
@@ -161,8 +162,8 @@ impl ZenohOptions {
                     "verify_name_on_connect": true,
                 }),
             ));
-            // One thread reads and writes. If it fills a queue while it reads, it waits for its own writing, so queues are long.
-            // That of frames keeps Zenoh's own size: it has no backlog.
+            // One thread reads and writes. If it fills a queue while it reads, it waits until it has written messages itself, so queues are long. The
+            // queue of frames keeps Zenoh's default size, because it has no backlog.
             let queues = json!({
                 "control": MOST_QUEUED, "real_time": 2, "interactive_high": MOST_QUEUED, "interactive_low": MOST_QUEUED,
                 "data_high": MOST_QUEUED, "data": MOST_QUEUED, "data_low": MOST_QUEUED, "background": MOST_QUEUED,

@@ -26,7 +26,7 @@ pub(super) struct Displays {
     windows: Option<(Arc<Windows>, PendingWindows)>,
 }
 
-/// Work that opens the windows, their definitions, and presses of the test pattern key.
+/// Function that opens the windows, their definitions, and the receiver of presses of the test pattern key.
 struct PendingWindows {
     open: OpenWindows,
     definitions: Vec<WindowConfig>,

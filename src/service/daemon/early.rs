@@ -1,7 +1,7 @@
-//! The time before the daemon serves: it listens at once and tells clients what it waits for.
+//! The time before the daemon serves: it listens at once and reports the progress of its start to clients.
 //!
-//! Health is NOT_SERVING; every other call gets UNAVAILABLE, and every page the status 503, with the progress. The rules of access hold
-//! already. Afterwards the same socket belongs to the daemon, so no client is refused a connection between both.
+//! Health is NOT_SERVING; every other call gets UNAVAILABLE, and every page the status 503, with the progress. The access rules already apply. The
+//! daemon then takes over the same socket, so no connection is refused in between.
 
 use std::{
     collections::BTreeMap,
@@ -36,21 +36,21 @@ use crate::service::network::{
 const HEALTH_CALLS: &str = "/grpc.health.v1.Health/";
 /// Connections that do not end within this time are cut off. No call takes long here.
 const FAREWELL: Duration = Duration::from_millis(200);
-/// Streams that clients may watch the health with.
+/// Maximum number of streams in which clients watch the health.
 const WATCHES: usize = 256;
 
-/// What the daemon waits for, by kind of work.
+/// Work that the daemon waits for, by kind.
 #[derive(Debug, Default)]
 pub struct StartProgress(Mutex<BTreeMap<&'static str, String>>);
 
 impl StartProgress {
-    /// States the present step of a kind of work.
+    /// Records the current step of a kind of work.
     pub fn tell(&self, work: &'static str, step: String) {
         // No code panics while it holds the lock, so the content is consistent even if the lock is poisoned.
         self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(work, step);
     }
 
-    /// States that a kind of work is done.
+    /// Records that a kind of work is done.
     pub fn done(&self, work: &'static str) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).remove(work);
     }
@@ -63,7 +63,7 @@ impl fmt::Display for StartProgress {
     }
 }
 
-/// The server of the time before the daemon serves.
+/// The server that runs until the daemon serves.
 pub struct EarlyServer {
     listening: Listening,
     server: Running,
@@ -93,7 +93,7 @@ impl EarlyServer {
     /// As [`super::run`]: the access rules or the address.
     pub async fn open(network: &NetworkOptions, progress: Arc<StartProgress>) -> Result<Self, ServeError> {
         let Listening { listener, address, access, hangups } = Listening::open(network).await?;
-        // Its own runtime: when it ends, all connections end, also those without a request, which browsers open in advance.
+        // A separate runtime: when it ends, all connections end, even those without a request, which browsers open in advance.
         let runtime = Builder::new_multi_thread().worker_threads(1).thread_name("starting").enable_all().build()?;
         let (listener, early) = listener.twice(runtime.handle())?;
         // The rules are not reloaded before the daemon serves; a signal is remembered until then.
@@ -129,7 +129,7 @@ impl EarlyServer {
         &self.listening.address
     }
 
-    /// Gives the socket to the daemon; the future ends the server.
+    /// Hands the socket to the daemon; the future ends the server.
     pub(super) fn hand_over(self) -> (Listening, impl Future<Output = ()>) {
         (self.listening, self.server.end())
     }
@@ -142,12 +142,12 @@ impl EarlyServer {
 }
 
 impl Running {
-    /// Ends calls in order, and then all connections.
+    /// Ends calls normally, and then all connections.
     async fn end(mut self) {
         drop(self.close.take());
         end_health(&mut self.health).await;
         if timeout(FAREWELL, &mut self.task).await.is_err() {
-            tracing::debug!("connections of the start are cut off");
+            tracing::debug!("connections that were opened during the start are cut off");
         }
     }
 }
@@ -166,7 +166,7 @@ impl HttpHandler for Starting {
         if let Some(response) = refused_call(request, &status) {
             return Some(response);
         }
-        // Anybody may ask for the health, so it tells nothing else.
+        // Any client may ask for the health, so it reveals nothing else.
         let told = if path == HEALTH { "starting" } else { status.message() };
         let mut response = text(StatusCode::SERVICE_UNAVAILABLE, PLAIN, format!("{told}\n"));
         let headers = response.headers_mut();

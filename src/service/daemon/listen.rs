@@ -37,7 +37,7 @@ pub(super) struct Listening {
 impl Listening {
     /// Reads the access rules and binds the address.
     pub(super) async fn open(network: &NetworkOptions) -> Result<Self, ServeError> {
-        // Before the rules are read: a later signal is remembered until they can be reloaded.
+        // Register for the signal before the rules are read: a later signal is remembered until they can be reloaded.
         let hangups = ReloadSignal::install()?;
         let access = network.access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
         let access = access.map_err(ServeError::Access)?;
@@ -80,7 +80,7 @@ pub fn check_listen(listen: &str, access: &Access) -> Result<(), ServeError> {
     let mut first = None;
     for address in addresses {
         match std::net::TcpListener::bind(address) {
-            // Closed at once: the daemon binds it when it is ready.
+            // The socket is closed at once: the daemon binds the address again when it is ready.
             Ok(_) => return Ok(()),
             Err(source) => keep_clearest(&mut first, refusal(address, source)),
         }
@@ -99,7 +99,7 @@ fn socket(listen: &str, path: &Path) -> Result<LocalSocket, ServeError> {
 }
 
 impl Address {
-    /// Removes the file of a Unix socket, unless something else is there by now; a failure is logged.
+    /// Removes the file of a Unix socket, unless the path now leads to something else; a failure is logged.
     pub(super) fn remove_socket(&self) {
         let Self::Unix(path) = self else { return };
         if !LocalSocket::new(path).is_ok_and(|socket| socket.exists()) {
@@ -129,7 +129,7 @@ async fn bind_unix(listen: &str, path: &Path) -> Result<LocalListener, ServeErro
 /// Interval of warnings about a certificate.
 const WARNINGS: Duration = Duration::from_secs(86_400);
 
-/// Reloads the access rules on each signal, and warns of a certificate that ends.
+/// Reloads the access rules on each signal, and warns of certificates that expire soon.
 pub(super) async fn keep_access(
     mut reloads: Reloads,
     mut hangups: ReloadSignal,
@@ -146,7 +146,7 @@ pub(super) async fn keep_access(
     loop {
         let reload = tokio::select! {
             reload = reloads.next(&mut hangups) => reload,
-            // The first one comes at once.
+            // The first tick comes at once.
             _ = daily.tick() => {
                 warn(&access.borrow());
                 continue;

@@ -21,12 +21,11 @@ use crate::{
     view::Rig,
 };
 
-/// Longest time in which calls and clients may finish after the daemon is told to end.
+/// Maximum time that calls and clients have to finish after the daemon is asked to end.
 const DRAIN: Duration = Duration::from_secs(5);
-/// Calls of `RenderFrame` at the same time, from the queue to the last encoded byte; further calls are refused.
+/// Maximum number of concurrent `RenderFrame` calls, from the queue to the last encoded byte; further calls are refused.
 const PENDING_RENDERS: usize = 16;
-/// Streams at the same time; further streams are refused. Each holds a frame, and the render thread checks all of them for
-/// every frame.
+/// Maximum number of concurrent streams; further streams are refused. Each holds a frame, and the render thread checks all of them for every frame.
 const SUBSCRIBERS: usize = 256;
 
 /// Signal that ends the daemon.
@@ -97,11 +96,11 @@ pub struct NetworkOptions {
 /// Limits of the load that the daemon accepts, and of the time that it takes to end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LimitOptions {
-    /// Time in which calls, clients and the renderer may finish after the daemon is told to end. The rest is cut off.
+    /// Maximum time that calls, clients and the renderer have to finish after the daemon is asked to end. The rest is cut off.
     pub drain: Duration,
-    /// Calls of `RenderFrame` at the same time; further calls get RESOURCE_EXHAUSTED.
+    /// Maximum number of concurrent `RenderFrame` calls; further calls get RESOURCE_EXHAUSTED.
     pub pending_renders: usize,
-    /// Streams at the same time; further streams get RESOURCE_EXHAUSTED.
+    /// Maximum number of concurrent streams; further streams get RESOURCE_EXHAUSTED.
     pub subscribers: usize,
 }
 
@@ -156,11 +155,11 @@ pub struct ServeOptions {
     pub scene: SceneOptions,
     /// The views.
     pub views: ViewOptions,
-    /// A headset, as one more view.
+    /// A headset, as an additional view.
     pub headset: Option<HeadsetOptions>,
     /// Windows on monitors of this machine.
     pub windows: Option<WindowsOptions>,
-    /// The part of the daemon in a cluster; `None`: it is alone.
+    /// The daemon's part in a cluster; `None`: the daemon is not in a cluster.
     pub cluster: Option<ClusterOptions>,
     /// File in which acknowledged changes are kept; `None`: they are lost when the daemon ends.
     pub state: Option<PathBuf>,

@@ -14,7 +14,7 @@ use crate::service::{
 /// Minimum time for an idle thread to end, even if clients used up the drain time.
 pub(super) const FAREWELL: Duration = Duration::from_millis(500);
 
-/// The threads of a daemon, and what ends them.
+/// The threads of a daemon, with the handles that end them.
 pub(super) struct Threads {
     pub(super) handle: RenderHandle,
     pub(super) render: RenderThread,
@@ -38,12 +38,12 @@ impl Threads {
 
     /// Resolves when the render thread has ended by itself.
     pub(super) async fn render_end(&mut self) {
-        // A sender that was dropped has ended too.
+        // If the sender was dropped, the thread has ended too.
         let _ = (&mut self.render.ended).await;
         self.render_ended = true;
     }
 
-    /// Waits for all threads, which were told to stop, until `deadline` and at least [`FAREWELL`].
+    /// Waits for all threads, which were asked to stop, until `deadline` and at least [`FAREWELL`].
     pub(super) async fn join(self, deadline: Instant) -> Result<(), ServeError> {
         let latest = || deadline.max(Instant::now() + FAREWELL);
         if let Some((_, thread)) = self.headset {
@@ -56,7 +56,7 @@ impl Threads {
     }
 }
 
-/// Waits until `deadline` for the render thread, which was told to stop. A busy thread is
+/// Waits until `deadline` for the render thread, which was asked to stop. A busy thread is
 /// abandoned: it holds nothing that outlives the process.
 async fn join(thread: RenderThread, ended: bool, deadline: Instant) -> Result<(), ServeError> {
     let result = match ended {
@@ -78,6 +78,6 @@ async fn join_display(name: &str, thread: RunningThread, deadline: Instant) {
     match thread.result(deadline).await {
         None => tracing::warn!("{name} is still busy: ending without it"),
         Some(Ok(())) => {}
-        Some(Err(_)) => tracing::warn!("{name} did not end in order"),
+        Some(Err(_)) => tracing::warn!("{name} did not end normally"),
     }
 }

@@ -1,4 +1,4 @@
-//! The headset as one more view: the [`xr`](crate::xr) host, and the thread that drives the headset.
+//! The headset as an additional view: the [`xr`](crate::xr) host, and the thread that drives the headset.
 //!
 //! ```text
 //! render thread's state  --camera, scene-->  headset thread  --frames of the eyes-->  slots, replies
@@ -224,12 +224,12 @@ impl Headset {
         });
     }
 
-    /// Ends all requests and streams. `problem` is the reason, unless the headset ended in order.
+    /// Ends all requests and streams. `problem` is the reason, unless the headset ended normally.
     fn end(&self, problem: Option<String>) {
         let mut state = self.state();
         match &problem {
-            Some(problem) => tracing::error!("{problem}; the other views go on"),
-            None if !state.draining => tracing::info!("the headset has ended; the other views go on"),
+            Some(problem) => tracing::error!("{problem}; the other views continue"),
+            None if !state.draining => tracing::info!("the headset has ended; the other views continue"),
             None => {}
         }
         state.ended = true;

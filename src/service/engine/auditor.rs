@@ -1,9 +1,9 @@
 //! Audits of rendered frames: a separate thread compares a small sample of pixels of single frames with an f64
 //! reference.
 //!
-//! The render thread never waits: it hands over a frame only if the auditor is free. The auditor uses at most one core
-//! and pauses [`REST`] times the duration of each audit, at least one second: a twentieth of a core, whatever the
-//! catalogue. Frames in the meantime are not audited.
+//! The render thread never waits: it hands over a frame only if the auditor is free. The auditor uses at most one core and pauses [`REST`] times the
+//! duration of each audit, at least one second. Its average use is therefore at most a twentieth of a core, whatever the size of the catalogue.
+//! Frames in the meantime are not audited.
 
 use std::{
     io,

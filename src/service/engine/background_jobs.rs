@@ -1,4 +1,4 @@
-//! Long jobs besides rendering, run one at a time on a low-priority thread: failure tests, with a device of their own, and the preparation
+//! Long jobs besides rendering, run one at a time on a low-priority thread: failure tests, with a separate device, and the preparation
 //! of new asteroid shapes and of shaders, with the device that draws.
 
 use std::{
@@ -57,7 +57,7 @@ impl BackgroundJobs {
             threads::stand_back();
             work(&given, open, &ahead);
         })?;
-        // Apart from the jobs, which would wait for it: it takes up to a minute when the driver's cache is empty.
+        // Use a separate thread: otherwise the jobs would wait for this work, which takes up to a minute when the driver's cache is empty.
         let later = pipelines.clone();
         thread::Builder::new().name("later_shaders".to_owned()).spawn(move || {
             threads::stand_back();
@@ -125,7 +125,7 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
         match job {
             Job::Verify { reply, .. } if reply.is_closed() => {}
             Job::Bake { reply, .. } if reply.is_closed() => {}
-            // Also for a caller that has disconnected: the change that it asked for may be asked for again.
+            // Run this even if the caller has disconnected: the same change may be requested again.
             Job::Compile { reply } => {
                 let _ = reply.send(compile(|| pipelines.compile()));
             }
@@ -142,7 +142,7 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
     }
 }
 
-/// Compiles the shaders of pipelines that were created for later frames, by `work`.
+/// Runs `work`, which compiles the shaders of pipelines that were created for later frames.
 fn compile(work: impl FnOnce() + Send) -> Result<(), String> {
     let compiled = catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(work)));
     compiled.map_err(|payload| panicked(payload.as_ref()))

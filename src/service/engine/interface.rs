@@ -100,7 +100,7 @@ pub trait BesideEngine: Send {
 /// Opens a [`BesideEngine`], also after the loss of the previous one.
 pub type OpenBeside = Box<dyn FnMut() -> Box<dyn BesideEngine> + Send>;
 
-/// Has a renderer of its own for failure tests, and bakes data for the renderer that draws.
+/// Has a separate renderer for failure tests, and bakes data for the renderer that draws.
 struct BesideRenderer {
     options: GpuOptions,
     /// Opened for the first failure test.
@@ -136,7 +136,7 @@ impl From<RenderError> for EngineError {
 
 impl Engine for Renderer {
     fn submit(&mut self, request: FrameRequest<'_>) -> Result<(), EngineError> {
-        // It is the oldest frame when it is its turn to be finished.
+        // When this frame is finished, it is the oldest one in flight.
         let _submitted = Self::submit(self, request)?;
         Ok(())
     }

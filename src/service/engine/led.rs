@@ -1,4 +1,4 @@
-//! A led worker: the render thread draws a cue when it is told to, in place of its own pace, and shows the pictures when it is told to.
+//! A led worker: the render thread draws a cue and shows its pictures on separate requests, instead of at its own pace.
 //!
 //! A node of a cluster is led. Its render thread has the whole rig and draws its share of the views; requests and streams of clients wait for
 //! the pictures that are shown. The director uses [`RenderHandle::content_at`] to compose cues.
@@ -24,7 +24,7 @@ use crate::{
     },
 };
 
-/// What a led worker draws. Two nodes with the same cue draw the same frame.
+/// Frame that a led worker draws. Two nodes with the same cue draw the same frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cue {
     /// Number of the frame, the same on all nodes.

@@ -1,11 +1,9 @@
 //! Reduces the quality of display images step by step if frames take longer than `accuracy.frame_ms`.
 //!
-//! [`Quality`] is a state machine without a clock: its input are frame times, its output is a level, and equal input
-//! gives equal output. A level is judged by the smoothed times of its own frames, without the first ones, which
-//! recompute maps. The level falls when these times are too long. It rises when the level above is expected to be in
-//! time for a while; the expectation is based on the ratio of times when that level was left. If the level above turns
-//! out too slow again, the next attempt needs twice as many frames. HDR images keep their quality, and their times do
-//! not count.
+//! [`Quality`] is a state machine without a clock: its inputs are frame times, its output is a level, and equal input gives equal output. A level is
+//! judged by the smoothed times of its frames, without the first ones, which recompute maps. The level falls when these times are too long. It rises
+//! when the level above is expected to be in time for a while; the expectation is based on the ratio of times when that level was left. If the level
+//! above turns out too slow again, the next attempt needs twice as many frames. HDR images keep their quality, and their times do not count.
 
 use crate::plan::settings::RenderSettings;
 
@@ -20,9 +18,8 @@ const RETURN_WITHIN: f64 = 0.8;
 /// Number of consecutive frames with time to spare before the level rises: initially, and at most.
 const PATIENCE: [u32; 2] = [60, 960];
 
-/// The levels in order: the minimum error budget of display images, in display codes; 0: as configured. Larger budgets
-/// put more stars into the map of faint stars and draw the veil of single sources less far. Turning glare off saves
-/// nothing, because the map depends on it.
+/// The levels in order: the minimum error budget of display images, in display codes; 0: as configured. Larger budgets put more stars into the map of
+/// faint stars and draw the veil of single sources only to smaller distances. Turning glare off saves nothing, because the map depends on it.
 const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
 
 /// Returns the settings of display images at a level; 0 is the configuration.

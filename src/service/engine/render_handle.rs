@@ -98,8 +98,8 @@ impl RenderHandle {
         Ok(camera)
     }
 
-    /// Adds a pose of a stream for a future time of the machine's clock: the camera moves there from the previous pose. Values that the update lacks come
-    /// from that pose. Returns the current camera.
+    /// Adds a pose of a stream for a future time of the machine's clock: the camera moves there from the previous pose. Values that the update lacks
+    /// come from that pose. Returns the current camera.
     pub(crate) fn plan_camera(
         &self,
         update: &CameraUpdate,
@@ -164,8 +164,8 @@ impl RenderHandle {
         }
     }
 
-    /// Takes the lease of the camera for a stream, whose number it gets; `over` takes it from another holder. Poses of
-    /// others that wait are removed. Returns a receiver that reports a takeover.
+    /// Takes the lease of the camera for a stream; the lease gets the stream's number. `over` takes it from another holder. Waiting poses of other
+    /// streams are removed. Returns a receiver that reports a takeover.
     pub(crate) fn lease_camera(
         &self,
         stream: u64,

@@ -72,7 +72,7 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 /// The running thread. Its result is an orderly end, or the error that lost the engine.
 pub(crate) type RenderThread = RunningThread<Result<(), EngineError>>;
 
-/// Notifies all waiting callers when the thread ends, also by a panic.
+/// Notifies all waiting callers when the thread ends, even by a panic.
 struct Farewell {
     shared: Arc<Shared>,
 }
@@ -193,7 +193,7 @@ struct InFlight {
     submitted: Instant,
     /// Whether the adaptation continues from this frame's exposure.
     starts_adaptation: bool,
-    /// Whether its exposure was given.
+    /// Whether its exposure was passed to the renderer, by the adaptation or by a cue.
     adapted: bool,
     span: Span,
 }
@@ -238,7 +238,7 @@ struct Worker {
     map_place_pc: HashMap<usize, DVec3>,
     /// Frames in flight, oldest first.
     in_flight: VecDeque<InFlight>,
-    /// Tells when the scene's time stops at a limit.
+    /// Reports when the scene's time stops at a limit.
     end_notice: EndNotice,
     forecast: Forecast,
     /// Time at which the device finished the last frame.
@@ -486,7 +486,7 @@ impl Worker {
         state.queue.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
         // At the end, requests are drawn with the last scene.
         let scene = state.scene.newest.clone();
-        // Time at which frames that begin now are finished.
+        // Expected completion time of a frame that begins now.
         let seen = state.time.now() + self.forecast.frame();
         self.end_notice.look(&scene.clock, seen);
         let moves = state.camera.path.moves().map(|moves| moves.duration_since(seen).unwrap_or_default());

@@ -1,5 +1,5 @@
-//! The stage: hands frames of a led worker to its windows in two steps. A frame is prepared before the node is ready (uploaded, the device polled, the
-//! surfaces' next textures acquired), and presented after COMMIT. A frame that is skipped never reaches a surface.
+//! The stage: hands frames of a led worker to its windows in two steps. A frame is prepared before the node is ready (uploaded, the device polled,
+//! the surfaces' next textures acquired), and presented after COMMIT. A frame that is skipped never reaches a surface.
 //!
 //! The node's thread pushes work and never waits; the presenting thread carries it out in order. Without windows there is nothing to prepare.
 
@@ -34,7 +34,7 @@ struct State {
     waiting: HashMap<u64, Prepared>,
 }
 
-/// See the head of the module.
+/// See the module documentation.
 #[derive(Default)]
 pub(crate) struct Stage {
     state: Mutex<State>,
@@ -63,8 +63,8 @@ impl Stage {
         }
     }
 
-    /// Prepares pictures under a number that is not in use. The reply comes from the presenting thread. Returns `false` without windows: there is nothing
-    /// to prepare, and no reply.
+    /// Prepares pictures under a number that is not in use. The reply comes from the presenting thread. Returns `false` without windows: there is
+    /// nothing to prepare, and no reply.
     pub(crate) fn prepare(&self, number: u64, pictures: &Pictures, reply: Prepared) -> bool {
         let mut state = self.state();
         if !state.has_windows {
@@ -92,7 +92,7 @@ impl Stage {
         self.push(StageWork::Black);
     }
 
-    /// Windows: waits for work for at most `patience`. From the first call on, frames are prepared.
+    /// Called by the windows: waits for work for at most `patience`. From the first call on, frames are prepared.
     pub(crate) fn next(&self, patience: Duration) -> Option<StageWork> {
         let mut state = self.state();
         state.has_windows = true;
@@ -100,7 +100,7 @@ impl Stage {
         waited.unwrap_or_else(PoisonError::into_inner).0.work.pop_front()
     }
 
-    /// Windows: a frame is prepared, or the device was lost with it.
+    /// Called by the windows: a frame is prepared, or the device was lost with it.
     pub(crate) fn prepared(&self, number: u64, is_ready: bool) {
         let reply = self.state().waiting.remove(&number);
         if let Some(reply) = reply {
@@ -108,7 +108,7 @@ impl Stage {
         }
     }
 
-    /// Windows: they have ended. What waits for them goes on without.
+    /// Called by the windows when they have ended. Callers that wait for them continue without them.
     pub(crate) fn end_windows(&self) {
         let mut state = self.state();
         state.has_windows = false;
@@ -165,7 +165,7 @@ mod tests {
         assert_eq!(second.try_recv(), Ok(false));
         stage.present(1);
         assert!(third.try_recv().is_err());
-        // The windows end: what waits goes on, and nothing is left for the next windows.
+        // The windows end: callers that wait continue, and no work is left for the next windows.
         stage.end_windows();
         assert_eq!(third.try_recv(), Ok(true));
         assert!(stage.next(Duration::ZERO).is_none());

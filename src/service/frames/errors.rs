@@ -1,4 +1,4 @@
-//! Reasons why there is no frame, and the status of a call for each.
+//! Reasons for a missing frame, and the status of a call for each.
 
 use tonic::Status;
 
@@ -19,7 +19,7 @@ pub(crate) enum Refused {
     Ending,
 }
 
-/// Reasons why there is no frame.
+/// Reasons for a missing frame.
 #[derive(Clone, Debug, thiserror::Error)]
 pub(crate) enum RenderFailure {
     /// The engine failed.

@@ -35,7 +35,7 @@ pub(crate) struct Source {
 /// Future of the next message; it owns the source and hands it back.
 type Work = Pin<Box<dyn Future<Output = Option<(Result<proto::Frame, Status>, Option<Source>)>> + Send>>;
 
-/// Stream of encoded frames, see the module.
+/// Stream of encoded frames: see the module documentation.
 pub(crate) struct FrameStream {
     image_request: ImageRequest,
     /// `None` after the end.

@@ -233,7 +233,7 @@ impl ImageRequest {
             let _entered = span.enter();
             threads::stand_back();
             let images = rendered.images_of(view);
-            // Encodings in bands use a thread pool of their own.
+            // Encodings in bands use a separate thread pool.
             threads::beside_long_work(|| images.map(|image| encoded(form, image)).collect())
         };
         let images: Images = task::spawn_blocking(encoding).await.map_err(|error| not_encoded(&error))?;

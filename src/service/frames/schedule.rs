@@ -5,7 +5,7 @@
 
 use std::time::{Duration, Instant};
 
-/// An unchanged image is sent again after this time, so that a client can tell a static scene from a dead daemon.
+/// An unchanged image is sent again after this time, so that a client can distinguish a static scene from a dead daemon.
 pub(crate) const HEARTBEAT: Duration = Duration::from_secs(1);
 /// Minimum interval of frames that differ only in exposure.
 pub(crate) const ADAPTATION_INTERVAL: Duration = Duration::from_nanos(16_666_667);
@@ -51,7 +51,7 @@ impl Pace {
         self.last = None;
     }
 
-    /// Whether the minimum time since the last frame has passed, for frames that come at a rate of their own: an eighth of it may be missing.
+    /// Whether the minimum time since the last frame has passed. For frames that come at an independent rate, the time may be short by an eighth.
     pub(crate) fn interval_is_over(&self, now: Instant) -> bool {
         self.last.is_none_or(|(_, start)| now + self.interval / 8 >= start + self.interval)
     }

@@ -87,7 +87,8 @@ struct Budget {
 
 impl Default for Budget {
     fn default() -> Self {
-        // Random, so that a reader from before a restart of the daemon, whose frames have the same numbers, names no sequence of this one.
+        // Start at a random number. A reader from before a restart of the daemon, whose frames have the same numbers, must not name a sequence of
+        // this daemon.
         let before_first = RandomState::new().hash_one(0) >> 1;
         Self { sequences: AtomicU64::new(before_first), bytes: AtomicU64::new(0) }
     }

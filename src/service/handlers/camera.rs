@@ -59,7 +59,7 @@ fn lease_of(message: &proto::StreamCameraRequest) -> Result<Option<bool>, Status
     if !message.holder.is_empty() && message.holder.trim().is_empty() {
         return wrong("holder: must not be blank".to_owned());
     }
-    // It is shown to other clients and in the log, where it must not look like anything else.
+    // The name is shown to other clients and in the log, where it must not imitate other text.
     if let Some(hidden) = hidden_character(&message.holder) {
         let code = u32::from(hidden);
         return wrong(format!("holder: must be without control and format characters, contains U+{code:04X}"));
@@ -100,7 +100,7 @@ impl Service {
         let mut last = *cameras.borrow();
         let mut fails = false;
         loop {
-            // After an error, as of a full disk, it tries again also while the camera rests.
+            // After an error, such as a full disk, try again even if the camera rests.
             let again = if fails { RETRIES } else { Duration::MAX };
             let ended = matches!(timeout(again, cameras.changed()).await, Ok(Err(_)));
             if !ended {
@@ -186,7 +186,7 @@ impl Service {
                 "expected_revision: must be missing for a pose with a time, because the camera moves until then",
             ));
         }
-        // The conversion would carry others over into the seconds.
+        // The conversion would carry values outside of this range over into the seconds.
         if !(0..1_000_000_000).contains(&time.nanos) {
             let problem = format!("time.nanos = {}: must be between 0 and 999999999", time.nanos);
             return Err(refusals::invalid(problem));

@@ -227,7 +227,7 @@ mod tests {
         assert!(found(&scene, "zzz").unwrap_err().ends_with("`zzz`"));
     }
 
-    /// A file's star is where it is drawn, and the built-in one of the same name may not be.
+    /// A star of a file is found where it is drawn. The built-in star of the same name may be elsewhere.
     #[test]
     fn stars_of_files_come_before_built_in_ones() {
         let mut star = scene().stars.named().iter().find(|named| named.name == "Sirius").unwrap().star;

@@ -34,7 +34,7 @@ const _: () = assert!(MOST_RADIUS_DEG / 180.0 * std::f64::consts::PI < MOST_RADI
 /// Default and maximum number of objects.
 const OBJECTS: u32 = 8;
 const MOST_OBJECTS: u32 = 64;
-/// Relative difference in distance below which two stars of catalogues are the same star.
+/// Two stars of catalogues count as the same star if the relative difference of their distances is below this.
 const SAME_PLACE: f64 = 1e-5;
 
 /// A validated request.

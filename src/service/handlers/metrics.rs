@@ -1,5 +1,5 @@
-//! The health of the daemon at `/healthz`, and metrics for Prometheus at `/metrics`, in the text format of OpenMetrics 1.0. They are the values of `WatchStats`,
-//! read on request.
+//! The health of the daemon at `/healthz`, and metrics for Prometheus at `/metrics`, in the text format of OpenMetrics 1.0. They are the values of
+//! `WatchStats`, read on request.
 
 use std::sync::{Arc, atomic::AtomicU64};
 
@@ -47,7 +47,7 @@ impl Metrics {
         if let Some(validity) = self.access.borrow().certificate_validity {
             all.register_with_unit(
                 "certificate_expiry",
-                "Time until the certificate of the daemon expires; negative: it has",
+                "Time until the certificate of the daemon expires; negative: it has expired",
                 Unit::Seconds,
                 ConstGauge::new(validity.left_s(self.service.render.time().machine_now())),
             );
@@ -59,7 +59,7 @@ impl Metrics {
         }
     }
 
-    /// Whether the daemon can draw frames. Anybody may ask, so it tells nothing else.
+    /// Whether the daemon can draw frames. Any client may ask, so it reveals nothing else.
     fn health(&self) -> Response<Body> {
         let is_ending = self.service.render.scene().is_err();
         match self.service.render.figures().frames.failures.problem {
@@ -200,7 +200,7 @@ fn register_cluster(all: &mut Registry, figures: &ClusterFigures) {
         }
     }
     all.register("cluster_node_in", "Whether a node takes part", is_in);
-    all.register("cluster_node_out", "Times that a node was left out", out);
-    all.register("cluster_node_refused", "Times that a node was refused", refused);
+    all.register("cluster_node_out", "Number of times that a node was left out", out);
+    all.register("cluster_node_refused", "Number of times that a node was refused", refused);
     all.register_with_unit("cluster_node_ready", "Time from STATE to READY of a node", Unit::Seconds, ready);
 }

@@ -72,7 +72,7 @@ impl Service {
         Ok((image_request.encode(&rendered, read(request)).await?, held))
     }
 
-    /// Returns the next frames of several views: when the first one is ready, those of all views that are ready.
+    /// Waits until the next frame of one of several views is ready, and returns the frames of all views that are ready then.
     pub(crate) async fn pull_several(
         &self,
         client: &ClientInfo,

@@ -246,7 +246,7 @@ fn snapshot_name(name: String) -> Result<String, Status> {
     Ok(name)
 }
 
-/// Whether a change brings the first objects of a kind, whose frames need shaders of their own.
+/// Whether a change brings the first objects of a kind, whose frames need additional shaders.
 fn brings_shaders(before: &SceneObjects, after: &SceneObjects) -> bool {
     (before.bodies.is_empty() && !after.bodies.is_empty())
         || (before.surroundings.is_none() && after.surroundings.is_some())

@@ -49,8 +49,7 @@ use crate::{
 /// Concurrent Identify calls; further calls are refused. Each searches the stars of a part of the sky.
 const LOOKING: usize = 8;
 
-/// A stream repeats its message after this time without a change: proxies end silent streams after a minute, clients may
-/// expect a sign of life.
+/// A stream repeats its message after this time without a change: proxies end silent streams after a minute, and clients may expect a sign of life.
 const REPEATS: Duration = Duration::from_secs(15);
 
 /// Range of the rate of `StreamFrames`, Hz, besides 0.

@@ -22,8 +22,8 @@ use crate::service::wire::refusals;
 
 /// Concurrent RenderFrame calls of one client.
 const RENDERS: usize = 4;
-/// Least share of one client in streams of frames, and in streams of scene, camera and statistics, if the daemon has as many;
-/// otherwise it is a quarter of them.
+/// Minimum share of one client in the daemon's streams of frames, and in those of scene, camera and statistics. A quarter of the streams of frames is
+/// the share if it is larger.
 const LEAST_STREAMS: usize = 16;
 /// Concurrent Identify calls of one client.
 const SEARCHES: usize = 2;
@@ -80,7 +80,7 @@ pub(crate) struct Shares {
 }
 
 impl Shares {
-    /// Shares of a daemon with places for so many streams of frames.
+    /// Creates the shares of a daemon with this maximum number of streams of frames.
     pub(crate) fn new(streams: usize) -> Self {
         Self {
             input: places(INPUT),
@@ -130,7 +130,7 @@ struct Calls {
     open: usize,
     /// Number of all calls.
     count: u64,
-    /// Number of those by monitoring.
+    /// Number of calls by monitoring.
     monitoring: u64,
     /// Time of the last received data.
     last_read: Instant,
@@ -408,7 +408,7 @@ impl ClientInfo {
             return Some(format!("an answer was not read for {} s", STALLED.as_secs()));
         }
         let is_idle = calls.open == 0 && longer(&calls.last_read, IDLE);
-        is_idle.then(|| format!("nothing came for {} s", IDLE.as_secs()))
+        is_idle.then(|| format!("nothing received for {} s", IDLE.as_secs()))
     }
 }
 
@@ -528,7 +528,7 @@ mod tests {
         assert_eq!(new.overdue(begun + FIRST_CALL), None);
         assert!(new.overdue(begun + FIRST_CALL + UNIT_OF_TIME).unwrap().contains("no call within 10 s"));
 
-        // Many silent connections have less time, and those with a call are none of them.
+        // If many connections are silent, they have less time. A connection with a call is not silent.
         let calling: Vec<_> = (0..MOST_SILENT).map(|_| client(&shares)).collect();
         let calls: Vec<_> = calling.iter().map(|client| client.open_call("")).collect();
         assert_eq!(new.overdue(begun + FIRST_CALL), None);
@@ -548,7 +548,7 @@ mod tests {
         assert_eq!(reader.overdue(late + IDLE), None, "the client waits for the daemon");
         drop(call);
         assert_eq!(reader.overdue(Instant::now() + IDLE - UNIT_OF_TIME), None);
-        assert!(reader.overdue(Instant::now() + IDLE + UNIT_OF_TIME).unwrap().contains("nothing came for 120 s"));
+        assert!(reader.overdue(Instant::now() + IDLE + UNIT_OF_TIME).unwrap().contains("nothing received for 120 s"));
         reader.note_read();
     }
 

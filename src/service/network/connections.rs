@@ -40,7 +40,7 @@ use crate::{
 
 /// Maximum number of connections; further ones are closed at once.
 const CONNECTIONS: usize = 512;
-/// Connections use at most one part in this number of the process's file descriptors.
+/// Connections use at most the number of the process's file descriptors divided by this.
 const SHARE_OF_DESCRIPTORS: u64 = 2;
 /// A request must be complete after this time; a stream of poses is exempt while its call lasts.
 const REQUEST: Duration = Duration::from_secs(30);
@@ -48,7 +48,7 @@ const REQUEST: Duration = Duration::from_secs(30);
 const STREAMED_REQUESTS: [&str; 1] = ["/steradian.v1.CameraService/StreamCamera"];
 /// Interval between checks of a connection.
 const LOOK: Duration = Duration::from_secs(1);
-/// Bytes of a foreign host or page in messages.
+/// Maximum bytes of a foreign host or page in messages.
 const MOST_FOREIGN: usize = 96;
 /// Pause after an accept that failed for a temporary reason, such as a lack of descriptors.
 const BACK_OFF: Duration = Duration::from_millis(200);

@@ -11,9 +11,9 @@ use tokio::{runtime::Handle, time::sleep};
 
 /// Interval of the lines of an address and a kind.
 const INTERVAL: Duration = Duration::from_secs(1);
-/// Addresses and kinds that are counted apart; all others share one line of a kind.
+/// Maximum number of pairs of address and kind that are counted separately; all others share one line per kind.
 const MOST_APART: usize = 1024;
-/// Address of those others.
+/// Address in the shared lines.
 const OTHERS: &str = "others";
 
 /// Kinds of lines.
@@ -51,14 +51,14 @@ struct Unwritten {
     last: String,
 }
 
-/// The lines of the last second.
+/// Numbers of the lines of the last second.
 #[derive(Debug, Default)]
 pub(crate) struct LogSummary {
     unwritten: Mutex<HashMap<Key, Unwritten>>,
 }
 
 impl LogSummary {
-    /// Counts a line; returns the key if it is the first one, which is to be written.
+    /// Counts a line; returns the key if the line is the first one and must be written.
     fn note(&self, kind: Kind, address: &str, line: &str) -> Option<Key> {
         // No code panics while it holds the lock.
         let mut all = self.unwritten.lock().unwrap_or_else(PoisonError::into_inner);
@@ -80,7 +80,7 @@ impl LogSummary {
         }
     }
 
-    /// Returns the lines since the last call; `None`: there were none, and the next one is a first one again.
+    /// Returns the lines since the last call; `None`: there were none, and the next line counts as a first one again.
     fn take(&self, key: &Key) -> Option<Unwritten> {
         let mut all = self.unwritten.lock().unwrap_or_else(PoisonError::into_inner);
         let counted = all.get_mut(key).map(std::mem::take).filter(|counted| counted.count > 0);
@@ -90,7 +90,7 @@ impl LogSummary {
         counted
     }
 
-    /// Writes the first line of a kind and an address at once, and counts further ones, which a line each second states.
+    /// Writes the first line of a kind and an address at once. Counts further lines; one line each second states their number.
     pub(crate) fn write(self: &Arc<Self>, kind: Kind, address: &str, client: &str, line: &str) {
         // Without a runtime the daemon has ended, and few connections are left.
         let Ok(runtime) = Handle::try_current() else { return kind.write(client, line) };

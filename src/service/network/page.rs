@@ -46,7 +46,7 @@ struct File {
     contents: &'static str,
 }
 
-/// Answers GET and HEAD of any path, and refuses what is not a call.
+/// Answers GET and HEAD of any path, and refuses other requests that are not calls.
 #[derive(Clone)]
 pub(crate) struct Page {
     files: Arc<[File]>,

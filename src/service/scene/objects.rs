@@ -146,9 +146,8 @@ pub(crate) struct MadeChange {
 }
 
 impl Objects {
-    /// Creates the objects that the daemon starts with from the placed objects, the definitions of their fields
-    /// (`specs`) and of their observer (`observer`). The error names a mismatch.
-    /// do not match.
+    /// Creates the objects that the daemon starts with from the placed objects, the definitions of their fields (`specs`) and of their observer
+    /// (`observer`). The error names those that do not match.
     pub(crate) fn new(
         drawn: Arc<SceneObjects>,
         specs: &[Arc<FieldSpec>],
@@ -209,9 +208,8 @@ impl Objects {
         self.made.iter().map(seen).collect()
     }
 
-    /// Checks that ephemeris kernels cover the time of a client's change of `before`: for all bodies if the change sets
-    /// the time, otherwise for new bodies only. A running scene that leaves the range of its kernels goes on, and so
-    /// does one from a state file.
+    /// Checks that ephemeris kernels cover the time of a client's change of `before`: for all bodies if the change sets the time, otherwise for new
+    /// bodies only. A running scene that leaves the range of its kernels continues, and so does one from a state file.
     pub(crate) fn check_covered(&self, before: &Self, sets_time: bool) -> Result<(), String> {
         let moment = Moment::new(self.drawn.time_s, self.drawn.observer.as_ref());
         let stood = |body: &Body| {

@@ -21,9 +21,9 @@ pub(crate) const MOST_PNG_BYTES: usize = 2 << 20;
 pub struct PictureChange {
     /// Unique among pictures.
     pub name: String,
-    /// Its PNG; `None`: that of the picture of this name, which must exist.
+    /// Its PNG; `None`: the PNG of the scene's picture of this name, which must exist.
     pub png: Option<Arc<[u8]>>,
-    /// Its middle: a direction.
+    /// Direction of its centre.
     pub anchor: Anchor,
     /// Angle across its width, rad.
     pub width_rad: f64,
@@ -36,7 +36,7 @@ pub struct PictureChange {
 }
 
 impl PictureChange {
-    /// A picture with a PNG; `None`: that of the picture of this name.
+    /// A picture with a PNG; `None`: the PNG of the scene's picture of this name.
     pub fn new(name: impl Into<String>, png: Option<Vec<u8>>, anchor: Anchor, width_rad: f64) -> Self {
         let png = png.map(Arc::from);
         Self { name: name.into(), png, anchor, width_rad, roll_rad: 0.0, opacity: 1.0, decoded: None }
@@ -48,7 +48,7 @@ impl PictureChange {
         Self { name, png: None, anchor, width_rad, roll_rad, opacity, decoded: None }
     }
 
-    /// The picture, with the texels of its PNG or of the picture of its name.
+    /// Returns the picture, with the texels of its PNG or of the existing picture of the same name.
     fn picture(&self, before: &[Picture]) -> Result<Picture, String> {
         let (levels, png) = match (&self.png, &self.decoded) {
             (Some(png), Some(levels)) => (Arc::clone(levels), Some(Arc::clone(png))),
@@ -63,7 +63,7 @@ impl PictureChange {
         Ok(Picture { name, levels, png, anchor, width_rad, roll_rad, opacity })
     }
 
-    /// The same with its PNG decoded.
+    /// Returns the picture with its PNG decoded.
     fn decoded(mut self) -> Result<Self, String> {
         if let Some(png) = &self.png {
             let place = format!("overlay.pictures.{}.png", self.name);
@@ -122,7 +122,7 @@ impl OverlayChange {
         }
     }
 
-    /// The change with the files of its pictures decoded. The sizes in their heads are checked before.
+    /// Returns the change with the files of its pictures decoded. The sizes in their headers are checked before that.
     pub(crate) fn decoded(&self) -> Result<Self, String> {
         let given: Vec<&PictureChange> = match &self.pictures {
             Change::Nothing => return Ok(self.clone()),

@@ -156,7 +156,7 @@ fn non_empty<K: PartialSettings>(keys: Option<K>) -> Option<K> {
     keys.filter(|keys| !keys.is_empty())
 }
 
-/// Removes the keys that are useless, as far as they `may_go`, and returns their names.
+/// Removes the `useless` keys for which `may_go` is true, and returns their names.
 fn remove_useless<K: PartialSettings>(
     keys: &mut Option<K>,
     useless: impl Fn(&K) -> Vec<&'static str>,

@@ -25,8 +25,8 @@ const SHOWN: &str = "shown";
 const CAMERA: &str = "camera";
 /// Format version. It grows with every change of the stored data, so that an older program cannot drop data that it does not know.
 const VERSION: u8 = 5;
-/// Older versions that are still read, and then written in the current one: 1 has no views of clients, 2 no observer, those up to 3 have
-/// the settings of views as TOML text, and 4 has no pictures. Missing values come from the configuration.
+/// Older versions that are still read, and then written in the current one: version 1 has no views of clients, version 2 no observer, versions up to
+/// 3 have the settings of views as TOML text, and version 4 has no pictures. Missing values come from the configuration.
 const OLDER: [u8; 4] = [1, 2, 3, 4];
 /// Maximum number of snapshots in a file.
 const MOST_SNAPSHOTS: u64 = 256;
@@ -59,9 +59,9 @@ pub enum StateError {
         /// Cause.
         problem: String,
     },
-    /// Another file has its name.
+    /// The path now leads to another file.
     #[error(
-        "server.state = {path}: it was replaced by another file while the daemon runs: remove that file to go on with the present state, or start the daemon again to use it",
+        "server.state = {path}: it was replaced by another file while the daemon was running: remove that file to keep the current state, or restart the daemon to use it",
         path = path.display()
     )]
     Replaced {
@@ -111,11 +111,11 @@ type Opener = Box<dyn Fn() -> Result<Database, DatabaseError> + Send + Sync>;
 pub(crate) struct StateFile {
     path: PathBuf,
     open: Opener,
-    /// `None` after an error of the disk: redb refuses all further work, so that it is opened again.
+    /// `None` after a disk error: redb then refuses all further work, so the database is opened again.
     database: Mutex<Option<Open>>,
 }
 
-/// An open database, and which file it is.
+/// An open database, and the identity of its file.
 struct Open {
     database: Database,
     file: [u64; 2],
@@ -161,7 +161,7 @@ impl StateFile {
         let owned = path.to_owned();
         let opened = Self::open_with(path, Box::new(move || Database::create(&owned)));
         if opened.is_err() && is_new && std::fs::symlink_metadata(path).is_ok() {
-            // A file that could not be written in full, on a full disk for instance, would be refused at the next start.
+            // A file that could not be written completely, for instance on a full disk, would be refused at the next start.
             if let Err(error) = std::fs::remove_file(path) {
                 tracing::warn!("the incomplete state file `{}` cannot be removed: {error}", path.display());
             }
@@ -206,7 +206,7 @@ impl StateFile {
         result.map_err(|source| StateError::Access { path: self.path.clone(), source: Box::new(source) })
     }
 
-    /// Ensures that the file is still the one of its path: changes in a file without a name would be lost. A file that was removed is written anew.
+    /// Ensures that the path still leads to the open file: changes in a file without a name would be lost. A file that was removed is written again.
     fn keep_in_place(&self) -> Result<(), StateError> {
         let mut held = self.database.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(Open { database, file }) = &*held else { return Ok(()) };
@@ -225,7 +225,7 @@ impl StateFile {
                 }
                 *held = Some(new);
                 tracing::warn!(
-                    "server.state = {}: it was removed while the daemon runs, and is written anew",
+                    "server.state = {}: it was removed while the daemon was running, and is written again",
                     self.path.display()
                 );
                 Ok(())
@@ -453,7 +453,7 @@ mod tests {
         assert_eq!(saved(&StateFile::open(&path).unwrap()), 3.0);
     }
 
-    /// Bytes at random places are overwritten: the file is refused, or what it has is read.
+    /// Bytes at random places are overwritten: the file is refused, or its content is read.
     #[test]
     fn no_damage_ends_the_check_with_a_panic() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! What a state file keeps of scene, views and camera, as messages, and the forms of older files.
+//! Content of a state file: scene, views and camera, as messages, and the forms of older files.
 
 use std::{sync::Arc, time::SystemTime};
 
@@ -84,8 +84,8 @@ impl Saved {
         }
     }
 
-    /// Returns the saved clock, advanced by the time since it was saved. If the machine's clock was set back since then,
-    /// it goes on from where it was saved.
+    /// Returns the saved clock, advanced by the time since it was saved. If the machine's clock was set back since then, it continues from the saved
+    /// time.
     pub(crate) fn clock(&self, set: SceneClock, time: &TimeSource) -> SceneClock {
         let saved_at = self.scene.as_ref().and_then(|scene| scene.time_told?.try_into().ok());
         saved_at.map_or(set, |told| SceneClock { since: time.heard(told).min(time.now()), ..set })
@@ -127,7 +127,7 @@ impl Saved {
     }
 }
 
-/// A saved scene without the pictures of an earlier configuration that the present one lacks: their files are not saved.
+/// Returns the saved scene without those pictures of an earlier configuration that the current one lacks: their files are not saved.
 fn without_lost_pictures(mut saved: proto::Scene, scene: &SceneState) -> proto::Scene {
     if let Some(overlay) = &mut saved.overlay {
         let there = &scene.objects.drawn.overlay.pictures;
@@ -213,7 +213,7 @@ mod tests {
                     exposure_group = 'desk'\nexposure = { limiting_magnitude = 8.5 }\nglare = { fraction = 0.25 }";
         let expected = ViewSpec::from_toml(text).unwrap().0;
         assert_eq!(kept_spec(&older.message().unwrap()), Ok(expected.clone()));
-        // In the formats of today and of old, without a geometry.
+        // Without a geometry, in the current and in an older format.
         let without = TextView { definition: None, ..older.clone() };
         let kept = kept_spec(&without.message().unwrap()).unwrap();
         assert_eq!(kept, ViewSpec { geometry: kept.geometry.clone(), ..expected });

@@ -19,19 +19,19 @@ const DOMAIN: &str = "steradian";
 pub(crate) const MOST_ENCODED: usize = 3 << 10;
 /// Maximum bytes of the text, percent-encoded. The details repeat it.
 const MOST_TEXT: usize = 960;
-/// Bytes of a quoted name in a text that is too long.
+/// Maximum bytes of a quoted name in a text that is shortened.
 const MOST_QUOTED: usize = 96;
-/// Bytes of the start and of the end of a text that is still too long.
+/// Bytes that are kept at the start and at the end of a text that is still too long.
 const START: usize = 600;
 /// See [`START`].
 const END: usize = 320;
-/// Bytes of a description in details that are too long: the text is there already.
+/// Maximum bytes of a description in details that are shortened: the status has the text anyway.
 const MOST_DESCRIPTION: usize = 240;
-/// Bytes of names in details, not encoded. Valid names have at most 64 characters.
+/// Maximum bytes of names in details, not encoded. Valid names have at most 64 characters.
 const MOST_NAME: usize = 256;
 
-/// Shortens a text: first the quoted names in it, then its middle, because it starts with what is wrong and ends with
-/// what is valid.
+/// Shortens a text: first the quoted names in it, then its middle, because it starts with the problem and ends with
+/// the valid values.
 fn short_text(text: String) -> String {
     if encoded_length(&text) <= MOST_TEXT {
         return text;
@@ -70,8 +70,8 @@ fn detailed(code: Code, problem: String, details: impl Fn(String) -> ErrorDetail
     Status::with_error_details(code, text, details(description))
 }
 
-/// Returns a status of any origin that is short enough for the headers of an answer. Details that are too long, which
-/// those made here never are, are left out.
+/// Returns a status of any origin that is short enough for the headers of an answer. Details that are too long are left out; those made in this
+/// module never are.
 pub(crate) fn bounded(status: Status) -> Status {
     if encoded_bytes(&status) <= MOST_ENCODED {
         return status;

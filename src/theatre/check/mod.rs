@@ -95,7 +95,7 @@ pub struct DomeReport {
     /// Fraction of the dome that at least one projector lights, and at least two.
     pub coverage: [f64; 2],
     /// Centre of the widest gap, as azimuth from the front to the right and elevation, and its radius, degrees; `None`
-    /// if there is no gap.
+    /// without a gap.
     pub widest_gap_deg: Option<[f64; 3]>,
     /// Sum of the shares of light over the lit directions: 1st, 50th and 99th percentile.
     pub blend_sum: [f64; 3],
@@ -110,7 +110,7 @@ pub struct DomeReport {
     pub map: DomeMap,
 }
 
-/// The dome as a domemaster, row by row from the top, with the front at the bottom.
+/// Map of the dome as a domemaster, row by row from the top, with the front at the bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeMap {
     /// Points per row, and number of rows.

@@ -1,9 +1,9 @@
 //! Light that a dome's screen reflects back onto itself.
 //!
-//! For a screen that reflects diffusely, on a sphere: every element of a sphere is lit equally by every other one (the
-//! form factor of two elements is their area over that of the sphere). With reflectivity r and a screen that covers the
-//! fraction f of the sphere (the rest is dark), the reflected light is the same everywhere: f r / (1 - f r) of the mean
-//! light that projectors throw onto the screen (the integrating sphere; Goebel 1967, Applied Optics 6, 125).
+//! The screen is part of a sphere and reflects diffusely. Every element of a sphere is lit equally by every other element (the form factor of two
+//! elements is their area divided by the area of the sphere). With reflectivity r and a screen that covers the fraction f of the sphere (the rest is
+//! dark), the reflected light is the same everywhere: f r / (1 - f r) of the mean light that projectors throw onto the screen (the integrating
+//! sphere; Goebel 1967, Applied Optics 6, 125).
 
 use serde::Serialize;
 

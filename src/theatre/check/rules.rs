@@ -37,7 +37,7 @@ const MOST_LEAN_DEG: f64 = 4.0;
 const MOST_BEYOND: f64 = 0.05;
 /// Largest median ratio of the longer to the shorter side of pixels.
 const MOST_ASPECT: f64 = 1.7;
-/// Powers that programs wrongly leave in masks, or apply twice.
+/// Exponents that programs wrongly leave in masks, or apply twice.
 const GAMMAS: [f64; 6] = [2.2, 1.0 / 2.2, 1.8, 1.0 / 1.8, 2.4, 1.0 / 2.4];
 /// Shares below this count as no light.
 const LEAST_SHARE: f64 = 0.01;
@@ -79,7 +79,7 @@ impl DomeSamples<'_> {
         percentiles(lit.map(|at| (sum(at) - 1.0).abs()).collect(), [0.99; 3])[0]
     }
 
-    /// The projectors at whose common region the masks are furthest from their sum of 1, and by how much.
+    /// Describes the region in which the sum of the masks differs most from 1: the projectors that reach it, and the sum.
     fn where_off(&self) -> String {
         let mut regions: BTreeMap<Vec<usize>, Vec<f64>> = BTreeMap::new();
         for direction in 0..self.directions.len() {

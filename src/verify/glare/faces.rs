@@ -117,7 +117,7 @@ fn different_pixels(one: &FrameImage, other: &FrameImage) -> Result<f64, CheckEr
     Ok((pairs.count() + one.len().abs_diff(other.len())) as f64)
 }
 
-/// Counts pixels that differ if the adapter cannot hold a whole picture.
+/// Draws with a limit on buffers as on an adapter that cannot hold a whole picture, and counts the pixels that differ.
 fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, CheckError> {
     let rig = rig([("flat", flat(128, 90.0)), ("dome", fisheye(128, FisheyeMapping::Equidistant, 180.0))])?;
     let whole = context.render(scene, &rig)?;

@@ -41,7 +41,7 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
     let kernel = context.expected_kernel()?;
     let scene = snapshot(vec![star(PLACE, -4.0)]);
     context.scatter_all();
-    // One list over all steps per kind of view and fixed position of each image.
+    // One list per kind of view and fixed position in each image, over all steps.
     let mut ratios: Vec<(&str, Vec<f64>)> = Vec::new();
     for step in 0..=STEPS {
         let beyond_deg = -3.0 + 0.5 * f64::from(step);

@@ -123,7 +123,7 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
         let [least, most] = between_deg.map(f64::to_radians);
         let edges: Vec<f64> =
             (0..=RINGS).map(|i| least * (most / least).powf(f64::from(i) / f64::from(RINGS))).collect();
-        // A tabulated kernel may end.
+        // A tabulated kernel may end at a smaller angle.
         let lit = edges.partition_point(|edge| kernel.per_sr(*edge) > 0.0);
         rings.extend(metrics::radial_profile(&[picture.hdr], PLACE.normalize(), &edges[..lit], |angle| {
             light_lx * kernel.per_sr(angle)
@@ -165,8 +165,8 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
     ])
 }
 
-/// Returns the light near the star in the picture with the smallest pixels, lx, and the kernel's share of the scattered
-/// light there. If pixels are wider than the plateau, more of that share lies within them than is left at the end.
+/// Returns the light near the star in the picture with the smallest pixels, lx, and the kernel's share of the scattered light there. If pixels are
+/// wider than the plateau, more of that share lies within them than is left at the end.
 fn own_image(
     scene: &SceneSnapshot,
     rig: &Rig,

@@ -102,11 +102,10 @@ pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>,
     Ok(figures)
 }
 
-/// Turns a square picture seen with the head rolled to the left by a quarter turn upright: the upper side is on its
-/// right.
+/// Turns a square picture upright that was seen with the head rolled to the left by a quarter turn: its right side is the upper side.
 fn rolled_back(pixels: &[f64], side: usize) -> Vec<f64> {
     let pixel = |x: usize, y: usize| pixels.get(y * side + x).copied().unwrap_or(f64::NAN);
-    // The upright pixel (x, y) is at the same place seen from the turned axes, whose right is up.
+    // Look up the upright pixel (x, y) in the turned axes, whose right is up.
     (0..side * side).map(|index| pixel(side - 1 - index / side, index % side)).collect()
 }
 

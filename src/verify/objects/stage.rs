@@ -258,8 +258,8 @@ impl Context<'_> {
         AsteroidSettings { finest_only: true, samples: 4, ..self.settings.asteroids.clone() }
     }
 
-    /// Renders the asteroids of the stage with the settings and in full detail, both with 4 x 4 samples per pixel, so
-    /// that sampling of edges does not matter. The second frame is the truth.
+    /// Renders the asteroids of the stage twice, with the settings and in full detail. Both have 4 x 4 samples per pixel, so that sampling of edges
+    /// does not matter. The second frame is the truth.
     pub(super) fn drawn_and_true(
         &mut self,
         posed: &[Posed],

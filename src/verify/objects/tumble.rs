@@ -23,8 +23,8 @@ const STEP_DEG: f64 = 0.5;
 /// Pixel of the windows, rad.
 const PIXEL_RAD: f64 = 1e-3;
 
-/// Rotations about one axis in several stretches of steps. The direction to the eye, in the axes of the shape, starts
-/// at z, is turned about y, and then rotated by `circle`.
+/// Rotations about one axis, in several stretches of equal steps. At the angle 0, the direction to the eye is z in the axes of the shape. It is
+/// turned by the angle about y, and then rotated by `circle`.
 struct Tumble {
     circle: DMat3,
     /// First angle of each stretch, degrees, and its number of pictures.

@@ -4,7 +4,7 @@
 //! - [`outlive_the_display`] keeps the program alive when the display ends,
 //! - [`on_any_thread`] lets the event loop run on a thread that is not the main one,
 //! - [`surface_target`] is a window for surfaces that are created outside of the event thread,
-//! - [`Desktop`] has what the window library lacks: on X11 monitors with EDIDs, windows that fill them, and the keyboard focus.
+//! - [`Desktop`] has features that the window library lacks: on X11 monitors with EDIDs, windows that fill them, and the keyboard focus.
 
 #[cfg(all(unix, not(target_vendor = "apple")))]
 mod unix;

@@ -53,12 +53,12 @@ impl HasDisplayHandle for OnAnyThread {
     }
 }
 
-/// Returns the window in the form of which surfaces can be created on any thread.
+/// Returns the window in a form from which surfaces can be created on any thread.
 pub(in crate::windows) fn surface_target(window: Arc<Window>) -> impl Into<wgpu::SurfaceTarget<'static>> {
     OnAnyThread(window)
 }
 
-/// What the window library lacks: nothing, so no value exists.
+/// Features that the window library lacks: none, so no value exists.
 pub(in crate::windows) enum Desktop {}
 
 impl Desktop {

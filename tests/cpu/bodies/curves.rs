@@ -47,7 +47,7 @@ fn light_equals_the_measured_curves_at_every_phase_and_size() {
                 }
             };
             note(0, luminance(illuminance_of(&objects.bodies[0], DVec3::ZERO, &suns(&objects), 0.0)));
-            // Rays resolve crescents up to this phase. Discs are the same curve: a few phases show it.
+            // Rays resolve crescents up to this phase. Discs follow the same curve, so a few phases are enough.
             if phase_deg > 150.0 || phase_deg % 30.0 != 0.0 {
                 continue;
             }

@@ -78,7 +78,8 @@ fn light_of_a_sphere_matches_the_closed_form_in_every_projection_and_phase() {
         let sun_lx = suns(&objects)[0].light_at(DVec3::ZERO).unwrap().illuminance_lx;
         for phase_deg in [0.5, 60.0, 110.0] {
             let phase_rad = f64::to_radians(phase_deg);
-            // Near enough to cover some pixels, too near for the closed form; the integral over the disc replaces it.
+            // It is near enough to cover some pixels, and too near for the closed form, so the integral over the disc
+            // replaces it.
             let eye_m = DVec3::new(phase_rad.cos(), phase_rad.sin(), 0.0) * 3e6;
             let expected = illuminance_of(&objects.bodies[0], eye_m, &suns(&objects), 0.0);
             for (name, mapping, direction) in pictures() {

@@ -187,7 +187,7 @@ fn scene_time_camera_and_catalogues() {
     ] {
         let config = parse_with("", &[set]).unwrap();
         assert_eq!(config.scene.time_s(), (jd - 2_451_545.0) * 86_400.0, "{set}");
-        // What was used can be used again.
+        // The configuration that was used can be used again.
         assert_eq!(parse(&config.pictured).unwrap().scene.time_s(), config.scene.time_s(), "{}", config.pictured);
     }
 }
@@ -430,7 +430,7 @@ fn mistakes_in_the_headset() {
     for (key, wrong, expected) in [
         ("enabled", "1", "invalid type"),
         ("name", "''", "letters, digits, `_` and `-`"),
-        ("name", "'a b'", "`a b` is no name"),
+        ("name", "'a b'", "`a b` is not a valid name"),
         ("swapchains", "'three'", "`auto`, `array`, `two`"),
         ("format", "'rgb565'", "`rgba8_srgb`"),
         ("reference_space", "'floor'", "`stage`"),

@@ -54,8 +54,8 @@ fn erf(x: f64) -> f64 {
 
 #[test]
 fn light_of_a_gaussian_inside_a_square_and_a_cap_matches_closed_forms() {
-    // A square of half width h around the star, small enough to be flat: erf(h / (sigma sqrt 2))^2. Kernels from much
-    // smaller than a pixel to many pixels.
+    // Integral over a square of half width h around the star, small enough to be flat: erf(h / (sigma sqrt 2))^2.
+    // Kernels from much smaller than a pixel to many pixels.
     let half = 1e-3_f64;
     for size in [1, 3, 16, 65] {
         let plane = Perspective::symmetric([size, size], 2.0 * half).unwrap();
@@ -66,7 +66,8 @@ fn light_of_a_gaussian_inside_a_square_and_a_cap_matches_closed_forms() {
             assert!((found / expected - 1.0).abs() < 2e-6, "{size} px, sigma {sigma}: {found} {expected}");
         }
     }
-    // A cap of the sphere, too wide to be flat: moments of exp(-theta^2 / 2 sigma^2) with the series of the sine.
+    // Integral over a cap of the sphere, too wide to be flat: moments of exp(-theta^2 / 2 sigma^2) with the series of
+    // the sine.
     let moments = |a: f64, s2: f64| {
         let e = (-a).exp();
         s2 * (1.0 - e) - s2.powi(2) / 3.0 * (1.0 - (1.0 + a) * e)
@@ -165,7 +166,7 @@ fn position_width_and_peak_match_the_gaussian() {
     assert!((peak / (WHITE_LX / (TAU * 4e-6)) - 1.0).abs() < 3e-4, "{peak}");
 }
 
-/// Every pixel by a midpoint rule of 40 x 40 points, without cones or rectangles.
+/// Integrates every pixel by a midpoint rule of 40 x 40 points, without cones or rectangles.
 #[test]
 fn brute_force_gives_the_same_picture() {
     let mapping = Equirectangular::new([32, 16]).unwrap();

@@ -200,7 +200,7 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
     let stars: Vec<DVec3> = spiral(40_000).collect();
     let sky = snapshot(stars.iter().map(|direction| star(*direction, 6.0)).collect());
     let mut figures = Vec::new();
-    // With the exposure of the mean, all stars use the same kernel; different kernels would lose different shares at a rim.
+    // With an exposure metered from the mean, all stars use the same kernel; different kernels would lose different shares at a rim.
     let mut settings = settings(StarMethod::Auto);
     settings.exposure = ExposureSettings::auto(Metering::Mean);
     for (name, kind) in all_views() {

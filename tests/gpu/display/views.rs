@@ -1,5 +1,4 @@
-//! Views with their own_settings exposure, glare and tone mapping: each equals the view drawn alone, and a group shares one
-//! exposure.
+//! Views with their own exposure, glare and tone mapping: each equals the view drawn alone, and a group shares one exposure.
 
 use std::f64::consts::PI;
 

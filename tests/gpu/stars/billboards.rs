@@ -438,7 +438,7 @@ fn points_through_cube_faces_keep_only_their_mean_light() {
     }
 }
 
-/// Strips of a few rows give the same bits as the whole picture, and the star counts equal those of our own methods.
+/// Strips of a few rows give the same bits as the whole picture, and the star counts equal those of our methods.
 #[test]
 fn billboards_in_strips_give_the_same_bits_and_counts() {
     let kinds = || {

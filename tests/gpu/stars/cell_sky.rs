@@ -115,7 +115,7 @@ fn on_the_adapter(directions: &[DVec3], pixel_rad: f64, settings: &CellSkySettin
     bytemuck::cast_slice(&view).to_vec()
 }
 
-/// Share of the directions in which the two differing by more than `limit` in any channel.
+/// Share of the directions in which the two differ by more than `limit` in any channel.
 fn share_that_differs(
     found: &[[f32; 4]],
     directions: &[DVec3],

@@ -39,7 +39,7 @@ const TOWARDS: DVec3 = DVec3::new(0.0, -0.6, 0.8);
 /// Number of stars, within 12 degrees; a third of them in a cluster of 2 degrees.
 const STARS: usize = 60_000;
 
-/// Stars of V 11 to 19, ten times as many at each magnitude than at the one three magnitudes brighter.
+/// Stars of V 11 to 19, ten times as many at each magnitude as at three magnitudes brighter.
 fn records() -> Vec<StarRecord> {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     (0..STARS)
@@ -108,7 +108,7 @@ pub(super) fn window(fov_y_deg: f64) -> Rig {
     rig(vec![("window", kind)])
 }
 
-/// A window with so many stars for each pixel that a map of faint light pays.
+/// A window with so many stars per pixel that a map of faint light is worth its cost.
 fn small_window(fov_y_deg: f64) -> Rig {
     let kind = ViewKind::Perspective { size: [160, 120], fov_y_rad: fov_y_deg.to_radians() };
     rig(vec![("window", kind)])
@@ -157,7 +157,7 @@ fn leaves_draw_the_stars_of_the_catalogue() {
         assert!(expected.views[0].stars_drawn > 100);
         let [drawn, of_catalogue] = [&found, &expected].map(|frame| frame.views[0].stars_drawn as f64);
         assert!((drawn / of_catalogue - 1.0).abs() < if is_exact { 1e-9 } else { 1e-3 }, "{drawn} {of_catalogue}");
-        // Words of leaves have 0.5 % of a star's light, which their sum keeps, and 0.4 % of its distance.
+        // The words of leaves round a star's light to 0.5 %, without changing the sum, and its distance to 0.4 %.
         let ratio = light_lx(&found) / light_lx(&expected);
         assert!((ratio - 1.0).abs() < if is_exact { 2e-5 } else { 1e-3 }, "{place_pc} {fov_y_deg}: light {ratio}");
         if !is_exact {
@@ -184,7 +184,7 @@ fn blocks(luminances: &[f64], width: usize) -> Vec<[f64; 2]> {
     blocks
 }
 
-/// The blocks of a frame have the variance of those of a frame of all stars.
+/// Asserts that the blocks of a frame have the same variance as those of a frame with all stars.
 fn assert_same_variance(case: &str, frame: &Frame, stars: &Frame, width: usize) {
     let both = blocks(&luminances(frame), width).into_iter().zip(blocks(&luminances(stars), width));
     let (found, expected) = both.fold((0.0, 0.0), |(found, expected), ([_, a], [_, b])| (found + a, expected + b));
@@ -224,7 +224,7 @@ pub(super) fn with_map(
     renderer.render(request.drawn_for(Output::Display)).unwrap()
 }
 
-/// The same scene with the camera turned around an axis of its own.
+/// The same scene with the camera turned around an axis in the camera's frame.
 fn turned(scene: &SceneSnapshot, axis: DVec3, angle_rad: f64) -> SceneSnapshot {
     let mut scene = scene.clone();
     scene.camera.world_from_camera *= DQuat::from_axis_angle(axis.normalize(), angle_rad);
@@ -244,7 +244,7 @@ fn a_window_reads_faint_stars_from_pieces_of_a_map() {
         let without = with_map(&mut renderer, &scene, &rig, &settings, SkyMapUse::Off);
         let map = with_map(&mut renderer, &scene, &rig, &settings, SkyMapUse::Wait);
         let [drawn, of_without] = [&map, &without].map(|frame| frame.views[0].stars_drawn);
-        println!("{case}: {drawn} stars beside the map, {of_without} without it");
+        println!("{case}: {drawn} stars with the map, {of_without} without it");
         assert!(drawn > 100 && drawn < of_without / 5, "{case}: {drawn} of {of_without}");
         let ratio = light_lx(&map) / light_lx(&stars);
         let errors = DisplayErrors::between(&stars, &map, &settings);
@@ -261,7 +261,7 @@ fn a_window_reads_faint_stars_from_pieces_of_a_map() {
     }
 }
 
-/// Whether a map is worth its cost is known when the bright stars have been read. A frame that waits lacks no stars after that either.
+/// Only after reading the bright stars is it known whether a map is worth its cost. A frame that waits has all stars in either case.
 #[test]
 fn a_frame_that_waits_has_all_stars_whether_it_reads_a_map_or_not() {
     let mut renderer = renderer();
@@ -282,7 +282,7 @@ fn a_frame_that_waits_has_all_stars_whether_it_reads_a_map_or_not() {
     assert!(maps.contains(&true) && maps.contains(&false));
 }
 
-/// The composite stars of a map are not divided by their light: a crowd of faint stars is as bright in it as without it.
+/// All composite stars are in the map, whatever their light: a crowd of faint stars is as bright with the map as without it.
 #[test]
 fn a_crowd_of_faint_stars_keeps_its_light_in_a_map() {
     let deep = deep_scene();
@@ -297,7 +297,8 @@ fn a_crowd_of_faint_stars_keeps_its_light_in_a_map() {
     assert!((ratio - 1.0).abs() < 1e-4, "light {ratio}");
 }
 
-/// While a view turns, frames read pieces of the map that were drawn for earlier ones. What these lack is stated, and they are drawn again.
+/// While a view turns, frames read pieces of the map that were drawn for earlier ones. The frame reports stars that these pieces lack, and the pieces
+/// are redrawn.
 #[test]
 fn the_pieces_of_a_map_follow_a_turning_window() {
     /// Greatest error of a pixel of a map with all of its stars, codes.
@@ -337,7 +338,7 @@ fn the_pieces_of_a_map_follow_a_turning_window() {
     assert!(frame.views[0].stars_in_map > 0 && errors.quantile(0.999) < 0.6);
 }
 
-/// While pages are being read, a frame states how far it may be off, and never too little.
+/// While pages are being read, a frame reports a bound of its error, and the error never exceeds it.
 #[test]
 fn the_residual_bounds_the_error_until_all_pages_are_read() {
     let scene = deep_scene();
@@ -376,7 +377,7 @@ fn the_residual_bounds_the_error_until_all_pages_are_read() {
     assert!(largest > 0.0);
 }
 
-/// A view that turns finds the pages in memory that it comes to; one that jumps does not.
+/// A turning view finds its next pages already in memory; a jumping view does not.
 #[test]
 fn pages_are_read_ahead_of_a_turning_view() {
     const TURN_RAD: f64 = 0.02;
@@ -405,7 +406,7 @@ fn pages_are_read_ahead_of_a_turning_view() {
         while at(0.0) > 0 {
             thread::sleep(Duration::from_millis(20));
         }
-        // Frames that are far apart are no turn. A slow machine needs more than two frames that are near to each other.
+        // Frames that are far apart in time do not count as a turn. A slow machine may need more than one try to draw two frames close together.
         let mut angle_rad = 0.0;
         loop {
             let start = Instant::now();
@@ -424,7 +425,7 @@ fn pages_are_read_ahead_of_a_turning_view() {
     assert_eq!(missing_after(true), 0);
 }
 
-/// Stars that do not fit into the memory together are read while the frame is drawn: the picture is that of all of them.
+/// Stars that do not fit into memory together are read while the frame is drawn: the picture contains all of them.
 #[test]
 fn stars_beyond_the_memory_are_drawn_in_turns() {
     let (scene, mut renderer) = (deep_scene(), renderer());
@@ -446,7 +447,7 @@ fn stars_beyond_the_memory_are_drawn_in_turns() {
         // The sums have other units: each star is rounded to a 4096th of the faintest one.
         assert!((ratio - 1.0).abs() < 1e-5 && off < 2e-2 * mean);
     }
-    // A meter has composite stars instead, also for a live frame.
+    // A meter uses composite stars instead, even for a live frame.
     let spot = ExposureValues { metering: Metering::Spot, ..ExposureValues::default() };
     let metered = RenderSettings { exposure: spot.into(), ..little.clone() };
     let all = RenderSettings { exposure: spot.into(), ..whole.clone() };
@@ -486,13 +487,13 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     little.stars.memory = MemorySize { bytes: 1 << 20 };
     let error = refused(&scene, &little);
     assert!(matches!(error, PlanError::DeepMemory { memory_mib: 1, .. }), "{error}");
-    // With composite stars it is enough, but they are coarser, and the frame says so.
+    // With composite stars the memory is enough, but they are coarser, and the frame reports this.
     little.stars.every_star = false;
     little.stars.memory = MemorySize { bytes: 1 << 18 };
     let frame = draw(&mut renderer, &scene, &window(3.0), &little, Output::Hdr);
     let cells = frame.plan.certificate.iter().find(|bound| bound.name.contains("composite stars")).unwrap();
     assert_eq!(cells.within_budget, Some(false), "{cells:?}");
-    // The residual bounds the error of that.
+    // The residual bounds the resulting error.
     let DeepReport { missing, residual_cd_m2, .. } = frame.plan.deep.clone().unwrap();
     assert!(missing == 0 && residual_cd_m2 > 0.0, "{missing} {residual_cd_m2}");
     let whole = draw(&mut renderer, &scene, &window(3.0), &settings(), Output::Hdr);

@@ -70,7 +70,7 @@ fn frames_of_a_deep_store_pass_their_audit() {
     }
 }
 
-/// The error of composite stars in an exact image is not compared with a budget that does not hold for it.
+/// The error of composite stars in an exact image is not compared with a budget that does not apply to it.
 #[test]
 fn exact_images_with_composite_stars_are_not_audited() {
     let (scene, mut renderer, rig) = (deep_scene(), renderer(), window(25.0));
@@ -108,7 +108,7 @@ fn a_frame_that_lacks_pages_passes_with_its_residual() {
     let report = frame.plan.deep.as_mut().unwrap();
     assert!(report.missing > 10 && report.residual_cd_m2 > 0.0, "{report:?}");
     assert!(!audited(&renderer, &scene, &rig, &settings, &frame).is_broken());
-    // An audit does not ask for pages.
+    // An audit does not request pages.
     let read = scene.stars.deep.as_ref().unwrap().statistics().pages_read;
     assert!(read < 4, "{read}");
     frame.plan.deep.as_mut().unwrap().residual_cd_m2 *= 0.01;

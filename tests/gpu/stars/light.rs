@@ -161,7 +161,7 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
     figures::WIDTH.check(relative_variation(&widths).expect("widths"));
 }
 
-/// Light adds, temperatures do not: two stars of 3000 K and 20000 K in one pixel.
+/// Light is additive, temperatures are not: two stars of 3000 K and 20000 K in one pixel.
 #[test]
 fn two_colours_in_one_pixel_add_as_light() {
     let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);

@@ -109,7 +109,7 @@ fn the_magnitude_limit_of_a_scene_does_not_affect_checks() {
     assert_eq!(lost.outcome, Outcome::Fail, "the check fails if the limit applies to its stars: {lost}");
 }
 
-/// Whether the default run contains a test that sees this check fail.
+/// Whether the default run contains a test that makes this check fail.
 fn fails_elsewhere(check: &Check) -> bool {
     check.needs_glare && check.name != "glare-reference"
 }

@@ -58,7 +58,7 @@ const ALBEDO: Fault = Fault { albedo: 1.06, ..Fault::NONE };
 const RADIUS: Fault = Fault { radius: 1.02, ..Fault::NONE };
 const PLACE: Fault = Fault { shift: 0.2, ..Fault::NONE };
 
-/// Every check without another test that sees it fail.
+/// Every check that no other test makes fail.
 #[test]
 #[ignore = "long: make test-all"]
 fn wrong_expected_objects_fail_the_checks() {

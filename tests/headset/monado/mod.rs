@@ -5,7 +5,7 @@
 //! Monado's libraries need a newer C library than the process of a test may have, so a test never loads them itself. It
 //! starts a program through the dynamic linker that was fetched with them: Steradian ([`Service::command`]), or a
 //! function of the test executable ([`Service::run_inner`]).
-#![allow(dead_code, unused_imports, reason = "each test binary uses its own part of this")]
+#![allow(dead_code, unused_imports, reason = "each test binary uses only a part of this module")]
 
 pub mod harness;
 mod remote;

@@ -275,7 +275,7 @@ impl Service {
         // Use files, because an unread pipe fills up.
         let folder = tempfile::tempdir_in(self.folder.path()).expect("a temporary folder");
         let [out, err] = ["out", "err"].map(|name| folder.path().join(name));
-        let create = |path: &PathBuf| File::create(path).expect("a file for what the program prints");
+        let create = |path: &PathBuf| File::create(path).expect("a file for the output of the program");
         let mut child = command.stdout(create(&out)).stderr(create(&err)).spawn().expect("the program starts");
         let status = wait(&mut child, limit);
         if status.is_none() {

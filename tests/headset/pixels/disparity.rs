@@ -121,7 +121,7 @@ pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
             let case = format!("{depth_m} m, rolled by {roll_deg} degrees");
             error.add(disparity_px.x - expected_px, &case);
             vertical.add(disparity_px.y, &case);
-            // Swapped images do not fit, nor does another distance, as far as the pixels resolve it.
+            // Swapped images do not match, and neither does another distance, as far as the pixels resolve it.
             let swapped = measured_px(shot, &state(roll_deg, raised_m), body, [1, 0]);
             assert!(swapped.is_none_or(|[left, right]| !fits(left - right, expected_px)), "{swapped:?}");
             let other_m = if depth_m < 100.0 { 0.9 * depth_m } else { 100.0 };

@@ -27,7 +27,7 @@ const NIGHT: &str = r#"
 metering = "mean"
 adaptation_s = 0.0
 [accuracy]
-# Images with light for a host beside them are the same then.
+# With this, images are the same whether or not light for a host is drawn with them.
 display_codes = 0.0
 [tone_map]
 # At other exposures and with the shift of hue a channel in ten thousand falls on the other half float.

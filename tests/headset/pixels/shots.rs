@@ -1,5 +1,5 @@
-//! Images from the swapchains: the order of a test and its result, which the program of the runtime passes to the test
-//! in files.
+//! Images from the swapchains: the order of a test, and its result, which the program of the runtime writes to files
+//! for the test.
 
 use std::{
     path::{Path, PathBuf},

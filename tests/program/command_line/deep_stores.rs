@@ -82,7 +82,7 @@ fn a_deep_store_is_made_checked_divided_and_exported() {
     bytes[5000] ^= 1;
     fs::write(&path, bytes).unwrap();
     let (_, err) = run(folder.path(), &["catalogue", "check", "galaxy"], 65);
-    // Leaves are read if every star is drawn.
+    // With `every_star` the leaves are read, so the damage is detected.
     let configuration = fs::read_to_string(folder.path().join("c.toml")).unwrap().replace("part.csv", "galaxy");
     let configuration = format!("{configuration}[stars]\nevery_star = true\n");
     fs::write(folder.path().join("c.toml"), configuration).unwrap();
@@ -106,7 +106,7 @@ fn an_import_counts_its_rules_and_does_not_overwrite_other_folders() {
         "gaia.csv: 6 stars, read as Gaia archive",
         "distance by the prior: 2",
         "median temperature of their cell: 1",
-        "stars that equal another one: 1",
+        "duplicates of other stars: 1",
         "within 2 arcsec and 1 mag of one of builtin:bright: 1",
         "9100 stars",
     ] {

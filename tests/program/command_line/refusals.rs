@@ -53,7 +53,7 @@ fn names_that_files_cannot_have_and_keys_without_effect_are_named() {
         assert!(parts.iter().all(|part| err.contains(part)), "{err}");
     }
     let (_, err) = run(folder.path(), &["render", "--out", "out", "--files", "png", "--config", "twins.toml"], 0);
-    for part in ["views[1].name (view `ALL`): differs from views[0]", "views[2].name (view `con`): Windows keeps"] {
+    for part in ["views[1].name (view `ALL`): differs from views[0]", "views[2].name (view `con`): Windows reserves"] {
         assert!(err.contains(part), "{err}");
     }
 }

@@ -42,7 +42,7 @@ for number in range(300):
 # Borders of right ascension, in several spellings.
 for number, ra in enumerate(["0", "360", "-0.0", "359.999999999", "1e-12", "-180", "180.0", "+90"]):
     add(ra, str(30 + number), 17.0)
-# Negative, absurd and missing parallaxes; a number that is used twice for two stars.
+# Negative, absurd and missing parallaxes; one source number that is used for two stars.
 for number, (parallax, error) in enumerate([("-5", "0.1"), ("-1e9", "1e-3"), ("NaN", "NaN"), ("null", ""), ("inf", "1"), ("1e-300", "0.1")]):
     add(100.0, 40.0 + number, 18.0, parallax=parallax, error=error)
 add(110.0, 40.0, 18.0, source=4711)
@@ -57,14 +57,14 @@ REFUSED = {
     "1,2016.0,NaN,10,1,0.1,,,15,1": ("ra is missing", 1),
     "1,2016.0,10,NaN,1,0.1,,,15,1": ("dec is missing", 2),
     "1,2016.0,10,20,1,0.1,,,NaN,1": ("no brightness", 3),
-    "1,2016.0,10,20,1,0.1,,,99.99,1": ("phot_g_mean_mag is no magnitude: no brightness", 2),
-    "1,2016.0,10,20,1,0.1,,,1e300,1": ("phot_g_mean_mag is no magnitude: no brightness", 1),
+    "1,2016.0,10,20,1,0.1,,,99.99,1": ("phot_g_mean_mag is not a magnitude: no brightness", 2),
+    "1,2016.0,10,20,1,0.1,,,1e300,1": ("phot_g_mean_mag is not a magnitude: no brightness", 1),
     "1,2016.0,10,20,1,0.1,,,75,1": ("phot_g_mean_mag is outside -40 to 60", 2),
     "1,2016.0,10,20,1,0.1,,,inf,1": ("phot_g_mean_mag is not finite", 1),
     "1,2016.0,361,20,1,0.1,,,15,1": ("ra is outside -180 to 360 degrees", 4),
     "1,2016.0,10,90.000001,1,0.1,,,15,1": ("dec is outside -90 to 90 degrees", 5),
     "1,2016.0,10,-1e300,1,0.1,,,15,1": ("dec is outside -90 to 90 degrees", 1),
-    "1,2016.0,ten,20,1,0.1,,,15,1": ("ra is no angle", 2),
+    "1,2016.0,ten,20,1,0.1,,,15,1": ("ra is not an angle", 2),
     "1,2016.0,10,20,1e12,0.1,,,15,1": ("parallax is too large", 2),
     "1,2016.0,10,20,1,0.1,1e9,0,15,1": ("pmra is outside -100000 to 100000 mas/yr", 3),
     "1,1e9,10,20,1,0.1,5,0,15,1": ("ref_epoch is outside 1800 to 2200", 2),
@@ -84,9 +84,9 @@ for kind, count in REFUSED.values():
 out = sum(refused.values())
 expect(said, f"table.csv: {used + 3} stars, read as Gaia archive, DR3, {out} of {len(lines)} rows rejected")
 expect(said, *(f"rejected: {kind}: {count}, first: table.csv line " for kind, count in refused.items()))
-expect(said, "not stored: stars that equal another one: 3", f"wrote store: {used} stars, ")
+expect(said, "not stored: duplicates of other stars: 3", f"wrote store: {used} stars, ")
 checked = run(folder, "catalogue", "check", "store", "--light")
-expect(checked, f"{used} stars in", "every composite star is that of its cell")
+expect(checked, f"{used} stars in", "every composite star matches its cell")
 
 # Every star comes back once, within the error of its leaf.
 rows = exported(folder, "store")
@@ -110,7 +110,7 @@ def match(rows_here, stars_here, which):
     return off.max(), off_v.max()
 
 
-# The grid by its cells, the others by the nearest star of about the same brightness.
+# Match the stars of the grid by cell, and the others with the nearest star of about the same brightness.
 x, y = (ra + 180) % 360 - 180, dec
 is_grid = (np.abs(x) < 0.02) & (np.abs(y) < 0.02) & ~bright
 cell = np.rint(y * 3600 / step).astype(int) * side + np.rint(x * 3600 / step).astype(int) + side // 2 * (side + 1)

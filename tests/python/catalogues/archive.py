@@ -82,7 +82,7 @@ count = 3000
 ra, dec = random.uniform(0, 360, count), np.degrees(np.arcsin(random.uniform(-1, 1, count)))
 g, bp_rp = random.uniform(9, 20.5, count), random.uniform(-0.3, 4, count)
 pmra, pmdec = random.normal(0, 10, (2, count))
-# Five fast ones; 400 have no BP-RP, 500 no parallax and motion, 7 no magnitude.
+# Five stars are fast; 400 have no BP-RP, 500 no parallax and motion, 7 no magnitude.
 pmra[:5], pmdec[:5] = 900.0, -1200.0
 without_colour, two_parameters, without_g = np.arange(1000, 1400), np.arange(1300, 1800), np.arange(2000, 2007)
 rows = []
@@ -99,7 +99,7 @@ for i in two_parameters:
         del rows[i][column]
 for i in without_g:
     del rows[i]["phot_g_mean_mag"]
-# Two files of the archive, whose rows together are the catalogue.
+# The catalogue is divided into two files, like those of the archive.
 written("GaiaSource_000000-003111.csv.gz", rows[:1500])
 written("GaiaSource_003112-005263.csv.gz", rows[1500:])
 files = sorted(path.name for path in folder.glob("GaiaSource_*.csv.gz"))
@@ -113,12 +113,12 @@ expect(
     "or without one: distance by the prior: 2993",
     "wrote gaia: 2993 stars",
 )
-# Distances of GSP-Phot are no measured ones: they are named, and nothing else.
+# Distances of GSP-Phot are not measured. Their column is the only one that is reported as not stored.
 unread = [line for line in said.splitlines() if line.startswith("not stored: the columns")]
 assert unread == [f"not stored: the columns distance_gspphot of {file}" for file in files], said
 expect(run(folder, "catalogue", "check", "gaia", "--light"), "all checksums are right")
 
-# Every star is found at the place of its epoch, with V from G and BP-RP.
+# Every star is found at its position at its epoch, with V from G and BP-RP.
 stars = exported(folder, "gaia")
 found = directions(np.array([star["ra_deg"] for star in stars]), np.array([star["dec_deg"] for star in stars]))
 used = np.setdiff1d(np.arange(count), without_g)
@@ -128,7 +128,7 @@ assert len(set(nearest)) == len(used) == len(stars)
 which = used[nearest]
 at_2016 = np.array([star["ref_epoch"] for star in stars]) == 2016.0
 expected = towards[nearest]
-# Bright and fast stars are at J2000.0: 16 years before, in a straight line.
+# Bright and fast stars are stored at J2000.0: move them back by 16 years, along a straight line.
 moves = ~np.isin(which, two_parameters) & ~at_2016
 east = np.stack([-np.sin(np.radians(ra[which])), np.cos(np.radians(ra[which])), np.zeros(len(which))], -1)
 north = np.cross(expected, east)
@@ -144,11 +144,11 @@ print(f"places: leaves {off[at_2016].max():.4f} arcsec, bright {off[~at_2016].ma
 assert (off < limit).all(), (off[off >= limit], which[off >= limit])
 assert (off_v < np.where(at_2016, 0.0051, 0.0003)).all(), off_v.max()
 assert (~at_2016 == ((v < 13) | (which < 5))).all()
-# Without the motion the fast ones would be 24 arcsec off.
+# Without the motion, the fast stars would be 24 arcsec off.
 fast = which < 5
 assert fast.sum() == 5 and (angle_arcsec(found[fast], towards[nearest][fast]) > 20).all()
 
-# Units in the head are read: those of another kind are refused.
+# Units in the header are read; a unit of a different quantity is refused.
 written("GaiaSource_wrong.csv.gz", rows[:5], parallax="pc")
 error = run(folder, "catalogue", "import", "GaiaSource_wrong.csv.gz", "--memory", "256MiB", "--out", "wrong", code=65)
 expect(error, "parallax is in pc; it must be in mas")

@@ -1,4 +1,4 @@
-"""A collection that hats-import writes in this test, with a margin catalogue beside: python collection.py STERADIAN FOLDER [STARS]"""
+"""A collection that hats-import writes in this test, with a margin catalogue next to it: python collection.py STERADIAN FOLDER [STARS]"""
 
 import os
 import pathlib
@@ -61,7 +61,7 @@ def main():
     expect(error, "its dataproduct_type is margin; it must be object or source")
     expect(run(folder, "catalogue", "check", "store", "--light"), "all checksums are right")
 
-    # Every star once, at its place and with its magnitude.
+    # Every star is stored once, with its position and magnitude.
     stars = exported(folder, "store")
     found = directions(*(np.array([star[key] for star in stars]) for key in ["ra_deg", "dec_deg"]))
     v = np.array([star["v_mag"] for star in stars])
@@ -81,11 +81,11 @@ def main():
         off = angle_arcsec(found[kind], places[which[kind]])
         off_v = np.abs(v[kind] - true_v[which[kind]])
         print(f"{kind.sum()} stars off by at most {off.max():.4f} arcsec, {off_v.max():.4f} mag")
-        # Three stars of the same brightness in an arcsecond could be mistaken for each other: not among so few.
+        # Three stars of the same brightness within an arcsecond could be mistaken for each other, but there are too few stars for that.
         assert (off < limit[which[kind]]).all(), off.max()
         assert off_v.max() < (0.0003 if kind is bright else 0.0051), off_v.max()
     assert len(stars) == count and len(set(which)) == count, len(set(which))
-    # With the margin stars would be there twice.
+    # With the margin, some stars would be stored twice.
     assert len(set(margin["source_id"]) & set(rows["source_id"])) > 0
 
 

@@ -9,11 +9,11 @@ from stores import LUMINANCE, exported, leaves, light, run
 folder = pathlib.Path(sys.argv[2]).resolve()
 count = int(sys.argv[3]) if len(sys.argv) > 3 else 200_000
 random = np.random.default_rng(11)
-# Stars within 10 degrees, so that leaves are as full as those of a large catalogue; with more than a million all over the sky.
+# Stars within 10 degrees, so that leaves are as full as those of a large catalogue; more than a million stars cover the whole sky.
 least = -1 if count > 1_000_000 else np.cos(np.radians(10))
 ra = random.uniform(0, 360, count)
 dec = np.degrees(np.arcsin(random.uniform(least, 1, count)))
-# A twentieth is bright. From V = 13 to 20 each magnitude has twice as many stars as the one before.
+# A twentieth of the stars is bright. From V = 13 to 20, each magnitude has twice as many stars as the previous one.
 bright = count // 20
 v = np.concatenate([random.uniform(11, 12.95, bright), 13 + np.log2(1 + 127 * random.uniform(0, 1, count - bright))])
 temperature = np.round(np.exp(random.uniform(np.log(2500), np.log(20000), count)), 2)

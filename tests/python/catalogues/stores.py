@@ -49,7 +49,7 @@ def angle_arcsec(first, second):
 
 
 def leaves(store):
-    """Magnitude, temperature of all stars in leaves, and the sums of light in the index (lx, RGB)."""
+    """Magnitudes and temperatures of all stars in leaves, and the sums of light in the index (lx, RGB)."""
     index = (store / "index").read_bytes()
     assert index[:8] == b"STERDEEP"
     layers = struct.unpack_from("<I", index, 12)[0]

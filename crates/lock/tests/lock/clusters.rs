@@ -1,4 +1,4 @@
-//! Whole clusters with one kind of trouble each.
+//! Whole clusters, each with one kind of fault.
 
 use steradian_lock::{Policy, Rules, director::Phase};
 
@@ -49,7 +49,7 @@ fn a_calm_cluster_shows_every_frame_on_every_node() {
     let mut world = World::new(calm());
     world.finish(20 * SECOND);
     assert_eq!(world.checker.found, [].into());
-    // 20 s at 60 Hz, less half a second of gathering and starting.
+    // 20 s at 60 Hz, minus half a second of gathering and starting.
     let committed = world.checker.committed.len();
     assert!((1160..1200).contains(&committed), "{committed}");
     // Frames that are due after the end.
@@ -71,7 +71,7 @@ fn one_killed_node_costs_the_others_two_periods_and_comes_back() {
     world.finish(24 * SECOND);
     assert_eq!(world.checker.found, [].into());
     assert_eq!(world.recoveries_ns.len(), 20);
-    // HELLO and WELCOME, three frames, and the lead.
+    // Time for HELLO and WELCOME, three frames, and the lead.
     assert!(world.recoveries_ns.iter().all(|&ns| ns < 250 * MS), "{:?}", world.recoveries_ns);
     for node in [0, 1, 2, 4, 5] {
         assert!(in_periods(longest_gap_ns(&world, node, SECOND)) <= 3);
@@ -92,7 +92,7 @@ fn a_hung_node_is_left_out_after_three_misses_and_shows_no_backlog() {
     }
     let counts = world.node(0).unwrap().counts();
     assert_eq!((world.director(0).unwrap().counts().out, counts.black), (1, 1));
-    // It shows nothing between its hang and its return, although 300 COMMITs waited in its queue.
+    // While it hangs it shows nothing, although 300 COMMITs wait in its queue.
     let shows = &world.nodes[0].shows;
     let back_ns = shows.iter().find(|&&at_ns| at_ns > 2 * SECOND + 60 * MS).unwrap();
     assert!((7 * SECOND..7 * SECOND + 200 * MS).contains(back_ns), "{back_ns}");
@@ -138,9 +138,9 @@ fn a_partition_of_three_against_three_stops_both_directors() {
     world.run_until(12 * SECOND);
     let late = world.checker.committed.values().filter(|known| known.sent_ns > 2 * SECOND + 100 * MS).count();
     assert_eq!(late, 0);
-    // It has no epoch, so it has disturbed nobody.
+    // The second director has no epoch, so it has not disturbed the first one.
     assert_eq!(world.director(1).unwrap().phase(), Phase::Gathering);
-    // Whole again, exactly one of them leads.
+    // After the network is repaired, exactly one of them leads.
     world.at(12 * SECOND, Fault::Heal(0, vec![0, 1, 2]));
     world.at(12 * SECOND, Fault::Heal(1, vec![3, 4, 5]));
     world.finish(20 * SECOND);
@@ -178,7 +178,7 @@ fn a_restarted_director_has_a_higher_epoch_and_goes_on() {
     let last = world.director(0).unwrap().epoch();
     assert_eq!((first.counter, last.counter), (1, 11));
     for node in 0..6 {
-        // 200 ms of absence, up to 100 ms until the connections are back, starting, and the lead.
+        // Sum of 200 ms of absence, up to 100 ms until the connections are back, the start, and the lead.
         assert!(longest_gap_ns(&world, node, SECOND) < 500 * MS);
         assert_eq!(world.nodes[node].black, 0);
     }
@@ -220,7 +220,7 @@ fn a_clock_that_is_set_moves_the_cluster_to_presentation_on_receipt() {
     assert!(counts.committed_on_receipt > 150, "{counts:?}");
     assert!(!world.director(0).unwrap().is_locked());
     assert_eq!(world.node(4).unwrap().clock_steps(), 1);
-    // Set back: after a second of distrust all frames have times again.
+    // The clock is set back to the right time: after a second of distrust all frames have times again.
     world.at(6 * SECOND, Fault::StepNodeClock(4, -3_600 * SECOND as i64));
     world.finish(12 * SECOND);
     assert_eq!(world.checker.found, [].into());

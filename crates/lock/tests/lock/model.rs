@@ -1,4 +1,4 @@
-//! The model: figures of clusters on measured delays. All times are simulated.
+//! Compares figures of simulated clusters with measurements. The delays were measured. All times are simulated.
 
 use steradian_lock::Rules;
 
@@ -29,7 +29,7 @@ fn figures(cluster: Cluster) -> Figures {
     figures
 }
 
-/// The measured runs have no drawing.
+/// The measured runs draw nothing.
 #[test]
 fn the_model_has_the_measured_times_until_all_are_ready() {
     for (nodes, median_ms, p99_ms) in [(6, 0.46, 0.70), (30, 2.0, 2.6)] {

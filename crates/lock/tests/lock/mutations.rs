@@ -23,7 +23,7 @@ fn found(setup: Setup, faults: Vec<(u64, Fault)>) -> (BTreeSet<Violation>, World
     (world.checker.found.keys().copied().collect(), world)
 }
 
-/// Runs with and without the mutation; without it nothing may be found.
+/// Runs with and without the mutation. Without it, the checker must find nothing.
 fn mutated(mutation: Mutation, setup: Setup, faults: &[(u64, Fault)]) -> (BTreeSet<Violation>, World) {
     let (none, _) = found(setup.clone(), faults.to_vec());
     assert_eq!(none, BTreeSet::new());

@@ -1,4 +1,4 @@
-//! Random clusters: delays, losses, duplicates, reordering, kills, hangs, restarts, partitions, two directors, clocks without discipline.
+//! Random clusters: delays, losses, duplicates, reordering, kills, hangs, restarts, partitions, two directors and undisciplined clocks.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,7 +15,7 @@ use super::{
 
 const RUNS: u64 = 150;
 const END_NS: u64 = 12 * SECOND;
-/// After this time nothing happens any more.
+/// No faults happen after this time.
 const TROUBLE_NS: u64 = 8 * SECOND;
 
 fn random_setup(random: &mut ChaCha8Rng) -> Setup {
@@ -84,7 +84,7 @@ fn no_trouble_makes_frames_mix_or_two_directors_commit() {
         reigns += world.checker.newest_epoch().map_or(0, |epoch| epoch.counter);
         deposed += world.directors.iter().filter(|director| director.deposed_by.is_some()).count();
     }
-    // The runs contain what they are to test.
+    // The runs contain the situations under test.
     assert!(committed > 15_000 && shown > 40_000, "{committed} committed, {shown} shown");
     assert!(reigns > RUNS && deposed > 15, "{reigns} reigns, {deposed} deposed");
 }
@@ -103,7 +103,7 @@ fn after_the_trouble_the_cluster_is_locked_again() {
             let fault = random_fault(&mut random, 6);
             world.at(random.random_range(SECOND..TROUBLE_NS), fault);
         }
-        // The operator repairs everything, and starts one director in place of all others.
+        // The operator repairs everything, and starts one director that replaces all others.
         let end_ns = TROUBLE_NS + 2 * SECOND;
         for node in 0..6 {
             world.at(end_ns, Fault::Discipline(node, true));

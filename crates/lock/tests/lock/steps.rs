@@ -1,4 +1,4 @@
-//! Single steps of both state machines, with messages by hand.
+//! Single steps of both state machines, with hand-written messages.
 
 use steradian_lock::{
     Commit, Cue, Director, Epoch, FrameId, Identity, Mask, Node, NodeId, Now, Policy, Rules, State, director,
@@ -11,7 +11,7 @@ const MS: u64 = 1_000_000;
 /// Random number of the process of the node under test.
 const RUN: u64 = 77;
 
-/// Ten milliseconds per frame, eight until the deadline, twenty of lead.
+/// Rules with 10 ms per frame, 8 ms until the deadline and 20 ms of lead.
 fn rules(nodes: u16) -> Rules {
     let rules = Rules::at_hertz(nodes, 100.0).unwrap();
     Rules { deadline_ns: 8 * MS, lead_ns: 20 * MS, ..rules }
@@ -79,7 +79,7 @@ fn started(promised: [Epoch; 3]) -> (Director, Vec<director::Action>) {
     (director, actions)
 }
 
-/// Composes the frame of a tick, lets nodes be READY, and returns the actions until the deadline.
+/// Composes the frame of a tick, passes in READY of some nodes, and returns the actions until the deadline.
 fn frame(director: &mut Director, tick_ms: u64, number: u64, nodes: &[u16]) -> Vec<director::Action> {
     let id = FrameId { epoch: director.epoch(), number };
     let mut actions = director.act(at(tick_ms));
@@ -157,7 +157,7 @@ fn nodes_with_other_files_are_refused_with_the_difference() {
     let actions = frame(&mut director, 30, 4, &[0, 1, 2]);
     assert_eq!(commits(&actions)[0].mask, [0, 2].map(NodeId).into_iter().collect());
 
-    // The refused node asks again after a second instead of a tenth.
+    // The refused node asks again after a second instead of a tenth of a second.
     let mut node = led_node();
     node.hear(at(500), ToNode::Refused(refusal));
     assert!(node.refused().is_some() && node.led_by().is_none());
@@ -176,10 +176,10 @@ fn all_ready_is_committed_at_once_with_the_time_of_the_state() {
         present_at: Some(tai(58)),
         mask: [0, 1, 2].map(NodeId).into_iter().collect(),
     };
-    // The first one, and the copy after a third of the lead.
+    // The first COMMIT, and its copy after a third of the lead.
     assert_eq!(commits(&actions), [expected, expected]);
     assert!(director.is_locked());
-    // The next STATE repeats it.
+    // The next STATE repeats the COMMIT.
     director.act(at(40));
     director.composed(at(40), FrameId { epoch: director.epoch(), number: 5 }, Cue::default());
     let actions = director.act(at(40));
@@ -228,7 +228,7 @@ fn at_the_deadline_together_skips_and_apart_commits_with_a_mask() {
     }
     let actions = frame(&mut apart, 30, 4, &[0, 2]);
     assert_eq!(commits(&actions)[0].mask, [0, 2].map(NodeId).into_iter().collect());
-    // One of three is not enough.
+    // One READY of three is not enough.
     assert_eq!(skips(&frame(&mut apart, 40, 5, &[0])), [SkipReason::Quorum]);
 }
 
@@ -241,7 +241,7 @@ fn three_misses_put_a_node_out_and_three_ready_take_it_back() {
     let actions = frame(&mut director, 60, 7, &[0, 1, 2]);
     let out = Out { epoch: director.epoch(), node: NodeId(1), why: OutReason::Misses };
     assert!(actions.contains(&director::Action::SendAll(ToNode::Out(out))));
-    // The first of three frames; a miss in between starts again.
+    // Frame 7 was the first of three with READY; the miss of frame 8 restarts the count.
     for (number, nodes, mask_len) in
         [(8, &[0, 2][..], 2), (9, &[0, 1, 2], 2), (10, &[0, 1, 2], 2), (11, &[0, 1, 2], 2), (12, &[0, 1, 2], 3)]
     {
@@ -284,7 +284,7 @@ fn a_director_that_was_suspended_commits_nothing_old() {
     director.act(at(30));
     director.composed(at(30), id, Cue::default());
     director.act(at(30));
-    // All votes came in time, but the process did not run.
+    // All votes came in time, but the director's process did not run.
     (0..3).for_each(|node| director.hear(at(39), NodeId(node), ready(id)));
     let actions = director.act(at(5_000));
     assert_eq!((commits(&actions).len(), skips(&actions)), (0, vec![SkipReason::Deadline]));
@@ -304,7 +304,7 @@ fn a_state_is_repeated_to_nodes_that_are_not_ready_and_asks_for_ready_again() {
     director.act(at(30));
     director.hear(at(31), NodeId(1), ready(id_4));
     director.act(at(31));
-    // Thirds of the deadline of 8 ms.
+    // Copies are sent at thirds of the deadline of 8 ms.
     for due_ns in [32_666_666, 35_333_333] {
         assert_eq!(director.wake_at(), Some(due_ns));
         let now = Now { monotonic_ns: due_ns, tai_ns: None };
@@ -421,12 +421,12 @@ fn a_node_shows_a_committed_picture_at_its_time_and_no_other() {
 fn a_late_commit_is_counted_and_not_shown() {
     let mut node = led_node();
     assert!(draw(&mut node, id(1, 1), Some(28), 0, 3));
-    // More than half a period late; a copy is not counted again.
+    // The COMMIT is more than half a period late; a copy is not counted again.
     node.hear(at(34), commit(id(1, 1), Some(28), &[0]));
     node.hear(at(34), commit(id(1, 1), Some(28), &[0]));
     assert_eq!(node.act(at(34)), [node::Action::Discard { id: id(1, 1) }]);
     assert_eq!((node.counts().commit_late, node.counts().commit_without_picture), (1, 0));
-    // On receipt: more than a period after READY.
+    // A frame to be shown on receipt, whose COMMIT comes more than a period after READY.
     assert!(draw(&mut node, id(1, 2), None, 40, 43));
     node.hear(at(54), commit(id(1, 2), None, &[0]));
     assert_eq!(node.act(at(54)), [node::Action::Discard { id: id(1, 2) }]);
@@ -446,13 +446,13 @@ fn only_the_newest_state_of_a_queue_is_drawn() {
     }
     let draws = node.act(at(10));
     assert!(matches!(draws[..], [node::Action::Draw { id: drawn, .. }] if drawn == id(1, 5)), "{draws:?}");
-    // A newer one comes while it draws: the old picture is not reported.
+    // A newer STATE comes while the node draws: the old picture is not reported.
     node.hear(at(20), state(id(1, 6), Some(70)));
     node.drawn(at(21), id(1, 5), MS, Report::default());
     let actions = node.act(at(21));
     assert_eq!(actions[0], node::Action::Discard { id: id(1, 5) });
     assert!(matches!(actions[1..], [node::Action::Draw { id: drawn, .. }] if drawn == id(1, 6)), "{actions:?}");
-    // So is a picture that was skipped meanwhile.
+    // A picture that was skipped meanwhile is not reported either.
     node.hear(at(22), ToNode::Skip(Skip { id: id(1, 6), why: SkipReason::Quorum }));
     node.drawn(at(23), id(1, 6), MS, Report::default());
     assert_eq!(node.act(at(23)), [node::Action::Discard { id: id(1, 6) }]);
@@ -465,15 +465,15 @@ fn a_node_keeps_its_promise() {
     assert!(draw(&mut node, id(1, 1), Some(28), 0, 3));
     node.hear(at(4), commit(id(1, 1), Some(28), &[0]));
     node.hear(at(4), state(id(1, 2), Some(38)));
-    // Another director: what the first one asked for is neither drawn nor shown.
+    // Another director: frames of the first one are neither drawn nor shown.
     node.hear(at(5), ToNode::Welcome(Welcome { epoch: epoch(2), run: RUN, newest: 0 }));
     assert_eq!(node.act(at(5)), [node::Action::Remember(epoch(2)), node::Action::Discard { id: id(1, 1) }]);
-    // The first one again, in all its messages.
+    // The first director sends each kind of message again.
     node.hear(at(150), ToNode::Welcome(Welcome { epoch: epoch(1), run: RUN, newest: 2 }));
     node.hear(at(150), state(id(1, 3), Some(178)));
     node.hear(at(150), commit(id(1, 3), Some(178), &[0]));
     let actions = node.act(at(150));
-    // It learns of the second one.
+    // The first director learns of the second one.
     let told = |action: &node::Action| matches!(action, node::Action::Send(ToDirector::Hello(hello)) if hello.promised == epoch(2));
     assert!(actions.len() == 1 && told(&actions[0]), "{actions:?}");
     assert_eq!((node.counts().lower_epoch, node.led_by()), (3, Some(epoch(2))));

@@ -4,16 +4,16 @@ use std::{fmt, ops::Range, str::FromStr};
 
 use serde::Serialize;
 
-/// Storage buffers from which the resolve pass reads a map of faint light.
+/// Number of storage buffers from which the resolve pass reads a map of faint light.
 pub(super) const FAINT_MAP_FROM: u32 = 9;
-/// Storage buffers from which the resolve pass also writes the display image.
+/// Number of storage buffers from which the resolve pass also writes the display image.
 pub(super) const FUSED_DISPLAY_FROM: u32 = 10;
-/// Storage buffers from which all passes also bind a buffer of projection tables.
+/// Number of storage buffers from which all passes also bind a buffer of projection tables.
 pub(super) const TABLES_FROM: u32 = 11;
-/// Smallest binding, bytes, with which pictures and stars are divided into parts of a useful size.
+/// Smallest binding size, bytes, at which pictures and stars are still divided into parts of a useful size.
 const LEAST_BINDING_BYTES: u64 = 16 << 20;
 
-/// Which adapter to open, and how.
+/// Options for the selection and use of an adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Part of the adapter's name, case-insensitive; `None`: the fastest kind of adapter.
@@ -33,15 +33,15 @@ pub struct GpuOptions {
     pub binding_limit_bytes: Option<u64>,
 }
 
-/// A restriction that is not known, or has no valid value.
+/// A restriction that is unknown or has an invalid value.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{0}` is not a restriction of an adapter: valid are webgpu, no-64-bit-atomics, no-float-blending, no-timestamps, storage-buffers=N and binding-mib=N, separated by commas"
+    "`{0}` is not a restriction of an adapter: valid restrictions are webgpu, no-64-bit-atomics, no-float-blending, no-timestamps, storage-buffers=N and binding-mib=N, separated by commas"
 )]
 pub struct RestrictionError(String);
 
 impl GpuOptions {
-    /// Adds restrictions of the adapter, for tests: a list with commas of `webgpu` (its default limits, and none of the optional features),
+    /// Adds restrictions of the adapter, for tests: a comma-separated list of `webgpu` (the default limits of WebGPU, without the optional features),
     /// `no-64-bit-atomics`, `no-float-blending`, `no-timestamps`, `storage-buffers=N` and `binding-mib=N`.
     ///
     /// # Errors
@@ -72,7 +72,7 @@ impl GpuOptions {
         Ok(self)
     }
 
-    /// Returns the restrictions as [`Self::restricted`] reads them, bindings in whole MiB; empty without any.
+    /// Returns the restrictions in the format of [`Self::restricted`], with bindings in whole MiB; empty if there are none.
     pub fn restrictions(&self) -> String {
         // `webgpu` implies some of the others, so it comes first.
         let flags = [
@@ -92,7 +92,7 @@ fn positive(text: &str) -> Option<u32> {
     u32::from_str(text).ok().filter(|number| *number > 0)
 }
 
-/// Something that all passes need of an adapter.
+/// A limit that all passes require of an adapter.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Need {
     /// Name of the limit.
@@ -114,7 +114,7 @@ impl fmt::Display for Need {
 pub struct Skipped {
     /// Its name.
     pub adapter: String,
-    /// The needs that it does not meet.
+    /// The requirements that it does not meet.
     pub lacks: Vec<Need>,
 }
 
@@ -125,13 +125,13 @@ impl fmt::Display for Skipped {
     }
 }
 
-/// Error text of adapters none of which can be used.
+/// Lists the adapters that cannot be used, with the reasons, as an error text.
 pub(super) fn unusable(skipped: &[Skipped]) -> String {
     let skipped: Vec<String> = skipped.iter().map(Skipped::to_string).collect();
     skipped.join("; ")
 }
 
-/// Lists the needs of all passes with the offered limits. The table of `docs/adapters.md` has the use of every shader.
+/// Lists the requirements of all passes, each with the limit that the adapter offers. The table in `docs/adapters.md` lists the use of every shader.
 fn needs(offered: &wgpu::Limits) -> Vec<Need> {
     let least = wgpu::Limits::default();
     let need = |name, needed: u32, offered: u32| Need { name, needed: u64::from(needed), offered: u64::from(offered) };
@@ -213,12 +213,12 @@ impl fmt::Display for AdapterReport {
     }
 }
 
-/// Sizes of the blocks from which buffers and textures of a software driver are allocated; larger ones have a block of their own. A
-/// block is given back when nothing in it is used. In blocks of 128 MiB, wgpu's default, small buffers of later frames keep the memory of
-/// removed scenes, and this memory is that of the machine.
+/// Sizes of the memory blocks in which a software driver allocates buffers and textures; a larger resource has a separate block. A block is freed
+/// when nothing in it is used. In blocks of 128 MiB, wgpu's default, small buffers of later frames would keep the main memory of removed scenes
+/// allocated.
 const SOFTWARE_BLOCK_BYTES: Range<u64> = 4 << 20..16 << 20;
 
-/// The features and limits in use of an adapter, and the fallbacks for missing ones.
+/// The features and limits of an adapter that are used, and the fallbacks for missing ones.
 #[derive(Clone)]
 pub(super) struct Selection {
     pub(super) features: wgpu::Features,
@@ -232,7 +232,7 @@ pub(super) struct Selection {
 }
 
 impl Selection {
-    /// Judges an adapter.
+    /// Checks an adapter, and selects the features and limits to use.
     ///
     /// # Errors
     ///
@@ -272,7 +272,7 @@ impl Selection {
             wgpu::TextureFormat::Rgba32Float
         } else {
             let reason = reason(options.force_half_blending, "no blending of 32-bit floats");
-            fallbacks.push(format!("methods that blend sum in 16-bit floats, up to 65504 cd/m^2 ({reason})"));
+            fallbacks.push(format!("blending methods sum in 16-bit floats, up to 65504 cd/m^2 ({reason})"));
             wgpu::TextureFormat::Rgba16Float
         };
 
@@ -293,7 +293,7 @@ impl Selection {
         Ok(Self { features, limits, needs, wide_accumulator, timestamps, blend_format, fallbacks, memory_hints })
     }
 
-    /// Descriptor for the request of the device.
+    /// Descriptor for the device request.
     pub(super) fn descriptor(&self) -> wgpu::DeviceDescriptor<'static> {
         wgpu::DeviceDescriptor {
             label: Some("steradian"),

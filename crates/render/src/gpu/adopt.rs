@@ -28,7 +28,7 @@ pub unsafe trait DeviceMaker {
 
     fn instance(&self, loader: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<vk::Instance, Self::Error>;
 
-    /// Chooses the physical device.
+    /// Selects the physical device.
     fn physical_device(&self, instance: vk::Instance) -> Result<vk::PhysicalDevice, Self::Error>;
 
     fn device(
@@ -65,7 +65,7 @@ impl Gpu {
         // SAFETY: the loader was loaded just now.
         let available = unsafe { loader.try_enumerate_instance_version() };
         let available = available.map_err(|error| refused("Vulkan's version", error))?.unwrap_or(vk::API_VERSION_1_0);
-        // Not limited to the version that the runtime was tested with: wgpu uses all functions of the version of the device.
+        // Do not limit this to the version that the runtime was tested with: wgpu uses all functions of the version of the device.
         let version = available.min(NEWEST_API_VERSION);
         let flags = wgpu::InstanceFlags::empty();
         let extensions = hal::vulkan::Instance::desired_extensions(&loader, version, flags)

@@ -13,7 +13,7 @@ pub(crate) fn bind_buffers(
     gpu.bind(LayoutOf::Compute(pipeline, group), resources)
 }
 
-/// Returns a bind group of a compute pipeline that binds whole buffers to 0, 1, 2 and so on.
+/// Returns a bind group of a compute pipeline that binds whole buffers to the bindings 0, 1, 2 and so on.
 pub(crate) fn bind_in_order(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -24,13 +24,13 @@ pub(crate) fn bind_in_order(
     bind_buffers(gpu, pipeline, group, &bindings)
 }
 
-/// Returns the columns and rows of a dispatch of at least `workgroups`, both within the adapter's limit.
+/// Returns the columns and rows of a dispatch of at least `workgroups` workgroups, both within the adapter's limit.
 pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
     let columns = workgroups.clamp(1, gpu.max_workgroups);
     [columns, workgroups.div_ceil(columns)]
 }
 
-/// The last bind group that every adapter supports. The other bind groups of passes count from 0.
+/// Bind group of the tables: the last one that every adapter supports. The other bind groups of passes count from 0.
 const TABLES_GROUP: u32 = 3;
 
 /// Tables that passes bind in addition to their own buffers.
@@ -80,7 +80,7 @@ fn empty_table_texture(device: &wgpu::Device, rows: u32) -> wgpu::Texture {
 
 fn table_texture(gpu: &Gpu, groups: &[[u32; 4]]) -> wgpu::TextureView {
     let texture = empty_table_texture(&gpu.device, table_rows(groups.len()));
-    // All full rows, then the last one.
+    // Upload all full rows, then the last one.
     let full = groups.len() / TABLE_COLUMNS as usize;
     let (rows, last) = groups.split_at(full * TABLE_COLUMNS as usize);
     for (row, height, part) in [(0, full as u32, rows), (full as u32, 1, last)] {
@@ -98,7 +98,7 @@ fn table_texture(gpu: &Gpu, groups: &[[u32; 4]]) -> wgpu::TextureView {
 }
 
 impl Gpu {
-    /// Where the tables are that all passes share. Shaders that read tables declare them in the same form.
+    /// Location of the tables that all passes share. Shaders that read tables declare them in the same form.
     pub(crate) fn table_form(&self) -> TableForm {
         self.tables.form()
     }

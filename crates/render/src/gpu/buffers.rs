@@ -36,7 +36,7 @@ pub(crate) fn filled_buffer<T: NoUninit>(
         mapped_at_creation: true,
     });
     if !bytes.is_empty() {
-        // If the creation failed, the buffer is not mapped, and the device's error handler has the reason.
+        // If the creation failed, the buffer is not mapped, and the device's error handler receives the reason.
         if let Ok(mut range) = buffer.slice(..bytes.len() as u64).get_mapped_range_mut() {
             range.copy_from_slice(bytes);
         }
@@ -45,7 +45,7 @@ pub(crate) fn filled_buffer<T: NoUninit>(
     buffer
 }
 
-/// A buffer that is created again only when it has to grow.
+/// A buffer that is recreated only when it has to grow.
 pub(crate) struct GrowingBuffer {
     label: &'static str,
     usage: wgpu::BufferUsages,
@@ -66,7 +66,7 @@ impl GrowingBuffer {
     pub(crate) fn with_room(&mut self, gpu: &Gpu, bytes: u64) -> &wgpu::Buffer {
         let bytes = bytes.max(16).next_multiple_of(16);
         if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < bytes) {
-            // Not destroyed: commands that this frame recorded with it may not be submitted yet.
+            // The old buffer is not destroyed: commands that this frame recorded with it may not be submitted yet.
             self.buffer = None;
         }
         self.buffer.get_or_insert_with(|| {

@@ -65,7 +65,7 @@ struct Shader {
 /// Compiling devices that no thread uses at the moment.
 type Idle = Mutex<Vec<(wgpu::Device, wgpu::Queue)>>;
 
-/// What happens to the shaders of created pipelines.
+/// Treatment of the shaders of created pipelines.
 #[derive(Default)]
 enum Mode {
     /// The first frame compiles them.

@@ -231,7 +231,7 @@ impl Gpu {
         &self.options
     }
 
-    /// Greatest size of tables in a storage buffer, bytes. 0: they are in a texture.
+    /// Maximum size of tables in a storage buffer, bytes; 0 if tables are in a texture.
     pub(crate) fn table_buffer_bytes(&self) -> u64 {
         if self.storage_buffers >= TABLES_FROM { self.max_binding_bytes() } else { 0 }
     }

@@ -1,7 +1,7 @@
 //! The cache of compiled shaders that Mesa's software driver keeps on disk.
 //!
-//! Its files say nothing about the shaders that they hold. So this program notes in its own cache which shaders it has had compiled, together
-//! with the identity of the driver's cache: if that folder is removed and made again, the notes no longer apply.
+//! Its files do not state which shaders they contain. Therefore this program records in its own cache which shaders have been compiled, together with
+//! the identity of the driver's cache folder: if that folder is removed and created again, the records no longer apply.
 
 use std::{
     env,
@@ -14,7 +14,7 @@ use crate::cache::{self, Form, Part};
 
 use super::ShaderSource;
 
-/// Notes of compiled shaders. They have no content.
+/// Records of compiled shaders: entries without content.
 const PART: Part = Part { name: "compiled-shader", version: 1 };
 const FORM: Form<()> = Form { to_bytes: |()| Vec::new(), from_bytes: |bytes| bytes.is_empty().then_some(()) };
 
@@ -31,7 +31,7 @@ pub(super) struct DriverCache {
 }
 
 impl DriverCache {
-    /// The cache of a driver; `None` if the driver does not keep compiled shaders, as far as known.
+    /// Returns the cache of a driver; `None` if the driver is not known to keep compiled shaders.
     pub(super) fn of_driver(driver: &str) -> Option<Self> {
         let is_off = |name| env::var(name).is_ok_and(|value| value == "true" || value == "1");
         if !driver.contains("Mesa") || is_off("MESA_SHADER_CACHE_DISABLE") {
@@ -41,11 +41,11 @@ impl DriverCache {
         Some(Self { driver: driver.to_owned(), folders })
     }
 
-    /// Calls `compile`, unless the driver's cache has this shader with these constants since an earlier call.
+    /// Calls `compile`, unless an earlier call has put this shader with these constants into the driver's cache.
     ///
     /// # Errors
     ///
-    /// That of `compile`.
+    /// The error of `compile`.
     pub(super) fn compile<E>(
         &self,
         source: &ShaderSource,
@@ -58,7 +58,7 @@ impl DriverCache {
         cache::kept_or_made(PART, &inputs.map(str::as_bytes), FORM, compile)
     }
 
-    /// The existing folders with the times of their creation; `None` if there is no folder, or the system does not know its time.
+    /// The existing folders with the times of their creation; `None` if no folder exists, or the system does not know its time.
     fn identity(&self) -> Option<String> {
         let folders: Vec<String> = self.folders.iter().filter_map(|folder| created(folder)).collect();
         (!folders.is_empty()).then(|| folders.join("\n"))

@@ -99,7 +99,7 @@ struct Slots {
     buffers: Vec<wgpu::Buffer>,
     /// Number of buffers that the current frame has requested.
     used: usize,
-    /// Largest number that a frame has requested since frame `since`.
+    /// Largest number of buffers that a frame has requested since frame `since`.
     most: usize,
     since: u64,
 }
@@ -109,7 +109,7 @@ struct Slots {
 pub(super) struct FramePool {
     frame: u64,
     slots: HashMap<(&'static str, wgpu::BufferUsages), Slots>,
-    /// Each with the last frame that requested it.
+    /// Each object with the last frame that requested it.
     groups: HashMap<GroupKey, (wgpu::BindGroup, u64)>,
 }
 

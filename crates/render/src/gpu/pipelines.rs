@@ -133,7 +133,7 @@ impl Gpu {
         timed(&self.counters, name, || self.device.create_render_pipeline(descriptor))
     }
 
-    /// What creates compute pipelines of this device.
+    /// Factory for compute pipelines of this device.
     pub(crate) fn compute_pipelines(&self) -> ComputePipelines {
         ComputePipelines {
             device: self.device.clone(),

@@ -66,9 +66,9 @@ pub enum ShaderError {
     /// A file imports itself, directly or indirectly.
     #[error("{place}: circular import: {}", cycle.join(" -> "))]
     Cycle {
-        /// Line of the import that closes the circle.
+        /// Line of the import that closes the cycle.
         place: Place,
-        /// The files of the circle; the first one is repeated at the end.
+        /// The files of the cycle; the first one is repeated at the end.
         cycle: Vec<String>,
     },
     /// A directive is unknown, or not valid in its place.
@@ -172,7 +172,7 @@ pub(crate) struct Library {
     texts: BTreeMap<String, String>,
 }
 
-/// A file after all files that it needs.
+/// Text of a file, preceded by all files that it needs.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Joined {
     pub text: String,
@@ -213,7 +213,7 @@ impl<'a> Directive<'a> {
     }
 }
 
-/// A line up to its comment.
+/// The part of a line before its comment.
 fn without_comment(line: &str) -> &str {
     line.split_once("//").map_or(line, |(code, _)| code)
 }
@@ -234,7 +234,7 @@ fn entry_points(text: &str) -> Vec<&str> {
 }
 
 impl Library {
-    /// From the stems and texts of files.
+    /// Creates the library from the stems and texts of files.
     pub(crate) fn new(files: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>) -> Self {
         Self { texts: files.into_iter().map(|(stem, text)| (stem.into(), text.into())).collect() }
     }

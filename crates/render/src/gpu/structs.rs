@@ -10,7 +10,7 @@ use std::fmt::Write;
 
 /// A Rust type that has a counterpart in WGSL. To give a field another WGSL type than the ones below, wrap its Rust type and implement this.
 pub(crate) trait WgslType {
-    /// The shared structure that the type is, or whose array it is.
+    /// The shared structure: the type itself, or the element type of an array.
     const STRUCT: Option<&'static str> = None;
 
     /// The type in WGSL.
@@ -39,7 +39,7 @@ wgsl_types! {
     [f32; 5] => "array<f32, 5>",
 }
 
-/// A type whose arrays are arrays in WGSL too: arrays of numbers are vectors up to four elements.
+/// A type whose arrays are arrays in WGSL too. (Arrays of up to four numbers are vectors instead.)
 pub(crate) trait ArrayElement: WgslType {}
 
 impl ArrayElement for [f32; 3] {}
@@ -72,7 +72,7 @@ pub struct StructField {
     pub offset: usize,
     /// Type in WGSL.
     pub wgsl: String,
-    /// Name of the shared structure in that type.
+    /// Name of the shared structure that this type contains, if any.
     pub contained: Option<&'static str>,
 }
 

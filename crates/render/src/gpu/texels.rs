@@ -32,7 +32,7 @@ pub fn read_layer(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<
     // `get_mapped_range` returns an error if mapping fails.
     buffer.map_async(wgpu::MapMode::Read, .., |_| {});
     let waited = gpu.wait(None);
-    // The driver's error explains more than a failed wait.
+    // The driver's error explains more than that of the failed wait.
     gpu.take_failure()?;
     waited?;
     let bytes = buffer.get_mapped_range(..)?;

@@ -127,8 +127,8 @@ mod tests {
         let views = [0, 1].map(|i| canvases[i].view().turned(faces[i].0.cube_from_face()));
         let pixel_rad = 2.0 / 256.0 / 2.0;
         let whole = centroid_error_rad(&views, direction, 0.05).unwrap();
-        // One face alone holds only its half of the star, half a pixel away from the edge. The error of the whole star
-        // comes from the curvature of the grid within a pixel.
+        // One face alone contains only half of the star, with its centroid half a pixel from the edge. The error of the
+        // whole star comes from the curvature of the grid within a pixel.
         let half = centroid_error_rad(&views[..1], direction, 0.05).unwrap();
         assert!(whole < 0.1 * pixel_rad && half > 0.45 * pixel_rad, "{} {}", whole / pixel_rad, half / pixel_rad);
     }

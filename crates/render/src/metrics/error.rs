@@ -1,6 +1,6 @@
 //! Why a metric has no value.
 
-/// Why a metric has no value.
+/// Reasons why a metric has no value.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MetricError {
@@ -22,7 +22,7 @@ pub enum MetricError {
         /// Row.
         y: u32,
     },
-    /// A pixel outside of the picture, without solid angle, that is lit.
+    /// A pixel outside of the picture, which has no solid angle, is lit.
     #[error("pixel ({x}, {y}) is lit but lies outside of the picture")]
     OutsidePicture {
         /// Column.
@@ -30,13 +30,13 @@ pub enum MetricError {
         /// Row.
         y: u32,
     },
-    /// No light where the metric measures.
+    /// The measured area contains no light.
     #[error("no light where {0} is measured")]
     NoLight(&'static str),
     /// The two compared images differ in size.
     #[error("images of {}x{} and {}x{} pixels cannot be compared", .0[0], .0[1], .1[0], .1[1])]
     Sizes([u32; 2], [u32; 2]),
-    /// Too few values, images or positions.
+    /// There are too few values, images or positions.
     #[error("{what}: {found} given, at least {least} needed")]
     TooFew {
         /// The kind of values.
@@ -46,7 +46,7 @@ pub enum MetricError {
         /// How many are needed.
         least: usize,
     },
-    /// A number that must be positive and finite (a measured amount of light may also be 0).
+    /// A number is not positive and finite (a measured amount of light may also be 0).
     #[error("{what} = {value}: must be positive and finite")]
     NotPositive {
         /// Name of the number.
@@ -54,7 +54,7 @@ pub enum MetricError {
         /// Its value.
         value: f64,
     },
-    /// Two sources too close to be separated.
+    /// Two sources are too close to be separated.
     #[error("sources {distance_px} px apart cannot be separated with windows of {radius_px} px")]
     Overlap {
         /// Distance of the sources, px.

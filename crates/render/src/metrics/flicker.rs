@@ -220,8 +220,8 @@ mod tests {
         }
     }
 
-    /// The kernel that `auto` uses for bright stars: flicker keeps the budget, and the displayed light has no jump
-    /// where the Gaussian starts to replace the B-spline.
+    /// The kernel that `auto` uses for bright stars: flicker stays within the budget, and the displayed light has no
+    /// jump where the Gaussian starts to replace the B-spline.
     #[test]
     fn the_bright_star_gaussian_keeps_the_flicker_budget_and_joins_the_bspline() {
         for budget in [0.01, 0.02, 0.05] {

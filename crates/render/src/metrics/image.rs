@@ -70,7 +70,7 @@ pub struct HdrView<'a> {
 }
 
 impl<'a> HdrView<'a> {
-    /// Takes `pixels` (cd/m^2) as the picture of `mapping`.
+    /// Creates the image of `mapping` with these `pixels` (cd/m^2).
     ///
     /// # Errors
     /// [`MetricError::PixelCount`] if the pixels do not fill the picture, [`MetricError::NotLight`] for the first pixel with a
@@ -92,7 +92,7 @@ impl<'a> HdrView<'a> {
         Ok(Self { mapping, pixels, camera_from_view: DQuat::IDENTITY })
     }
 
-    /// The same image, rotated: `camera_from_view` takes the directions of its mapping to the axes in which several
+    /// The same image, rotated: `camera_from_view` rotates the directions of its mapping into the axes in which several
     /// images of one view (the faces of a cubemap) are measured together.
     pub fn turned(self, camera_from_view: DQuat) -> Self {
         Self { camera_from_view, ..self }

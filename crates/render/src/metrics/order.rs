@@ -64,7 +64,7 @@ pub fn difference(a: &HdrView<'_>, b: &HdrView<'_>) -> Result<Difference, Metric
     Ok(found)
 }
 
-/// Compares all images of shuffled input with the first of them; returns the worst of each figure of [`Difference`].
+/// Compares all images of shuffled input with the first of them; returns the largest value of each figure of [`Difference`].
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below two images, [`MetricError::Sizes`] if a size differs.
@@ -98,7 +98,7 @@ mod tests {
         assert!((found.largest_of_brightest / (step / 6.0) - 1.0).abs() < 1e-6, "{found:?}");
     }
 
-    /// Why this metric exists: a sum in f32 depends on its order.
+    /// The reason for this metric: a sum in f32 depends on its order.
     #[test]
     fn floating_sums_in_another_order_are_found() {
         let mapping = Perspective::symmetric([1, 1], 1.0).unwrap();

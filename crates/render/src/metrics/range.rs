@@ -21,9 +21,9 @@ pub struct PointSource {
 /// Relative errors of two sources in one image: -0.01 if one per cent is lost, -1 for a missing source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaintBesideBright {
-    /// Of the bright source.
+    /// Relative error of the bright source.
     pub bright_error: f64,
-    /// Of the faint source.
+    /// Relative error of the faint source.
     pub faint_error: f64,
     /// Expected illuminance of the bright one over that of the faint one.
     pub ratio: f64,

@@ -8,10 +8,10 @@ const CONVERGED_EV: f64 = 0.01;
 /// Number of time constants after which the eye counts as adapted to a new picture; 1 - exp(-5) is 99.3 %.
 const ADAPTED_AFTER: f64 = 5.0;
 
-/// State of one eye that looks at all views.
+/// Adaptation of one eye that looks at all views.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Adaptation {
-    /// Exposure that the eye is adapted to.
+    /// Exposure to which the eye is adapted.
     current: Option<f64>,
     /// Exposure requested by the last frame.
     metered: Option<f64>,
@@ -26,12 +26,11 @@ impl Adaptation {
     /// The exposure for a frame `dt_s` after the last observed one; `None`: the fully adapted value, which applies
     /// before the first frame, without a time constant, and with manual exposure.
     ///
-    /// `new_for_s`: how long the scene has differed from that of any frame: if this frame shows another scene, the time since the last frame was
-    /// begun; otherwise 0. The exposure that the new picture requires is known only when it is rendered. If the eye has looked at
-    /// it long enough, it is adapted to the new picture (`None`) and not to the previous one. Shortly after the
-    /// last frame, as in a stream, the goal is the last known one. It lags by that frame, and by one more if this frame is planned
-    /// before the last one is observed. The time counts from the observed frame, so no adaptation is
-    /// lost.
+    /// `new_for_s`: how long the scene has differed from that of the last frame. If this frame shows another scene, this is the time since the last
+    /// frame was begun, otherwise 0. The exposure that a new picture requires is known only after it has been rendered. If the eye has looked at the
+    /// new picture long enough, it is fully adapted to it (`None`). Shortly after the last frame, as in a stream, the eye approaches the last known
+    /// metered value instead. This value is one frame old, or two if this frame is planned before the last one is observed. Time is counted from the
+    /// observed frame, so no adaptation is lost.
     pub fn exposure(&self, dt_s: f64, new_for_s: f64, settings: &ExposureSettings) -> Option<f64> {
         let ExposureSettings::Auto(auto) = settings else { return None };
         let tau_s = auto.adaptation_s;
@@ -111,7 +110,7 @@ mod tests {
             frames += 1;
             assert!(frames < 10_000 && ev.is_finite());
         }
-        // ln(44 / 0.01) time constants of 30 frames each.
+        // The difference falls from 44 EV to 0.01 EV in ln(44 / 0.01) time constants of 30 frames each.
         assert_eq!(frames, 252);
     }
 
@@ -131,13 +130,13 @@ mod tests {
         eye.observe(10.0, 10.0);
         let settings = settings(0.5);
         assert_eq!(eye.exposure(2.5, 2.5, &settings), None, "the eye had time to adapt to the new picture");
-        assert_eq!(eye.exposure(2.4, 2.4, &settings), Some(10.0), "it still adapts, from its last exposure");
-        assert_eq!(eye.exposure(3600.0, 0.0, &settings), Some(10.0), "it has adapted to the same picture already");
+        assert_eq!(eye.exposure(2.4, 2.4, &settings), Some(10.0), "the eye is still adapting, from its last exposure");
+        assert_eq!(eye.exposure(3600.0, 0.0, &settings), Some(10.0), "the eye is already adapted to the same picture");
         eye.observe(10.0, 2.0);
         let expected = 2.0 + 8.0 * (-0.2_f64).exp();
         assert!(
             (eye.exposure(0.1, 0.1, &settings).unwrap() - expected).abs() < 1e-12,
-            "smoothly while the camera moves"
+            "the exposure changes smoothly while the camera moves"
         );
     }
 }

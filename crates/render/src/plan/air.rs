@@ -17,7 +17,7 @@ pub const GRID_FROM_SINE: f64 = 0.07;
 pub struct AirPlan {
     /// The ground and the air around the camera; `None`: space.
     pub sky: Option<Arc<LocalSky>>,
-    /// Whether sky light is interpolated between grid points: if display images may have an error.
+    /// Whether sky light is interpolated between grid points. It is if display images may have an error.
     pub from_grid: bool,
 }
 

@@ -27,9 +27,9 @@ impl Audit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AuditedOutput {
-    /// A display image: codes of 8 bits beyond the rounding to a whole code.
+    /// A display image: errors are in codes of 8 bits, beyond the rounding to a whole code.
     Display,
-    /// An HDR image: multiples of the budget, `flux` of the stars' light and `glare` of the veil.
+    /// An HDR image: errors are in multiples of the budget, which is `flux` of the stars' light plus `glare` of the veil.
     Hdr,
 }
 

@@ -22,10 +22,10 @@ use crate::{
 
 /// Codes of an 8-bit image above black.
 pub(super) const CODES: f64 = 255.0;
-/// Fraction of the budget that the veil of one source may have without being drawn individually: such a veil is part of the smooth rest,
-/// whose error is far smaller than its total.
+/// Fraction of the budget up to which the veil of one source is not drawn individually. Such a veil is part of the smooth rest, whose error is far
+/// smaller than its total.
 const SHARE_OF_ONE_VEIL: f64 = 0.2;
-/// The same for HDR images: their budget is a luminance, while the step of a display image is that of its darkest codes.
+/// The same for HDR images. Their budget is a luminance, while the budget of a display image is a step between its darkest codes.
 const SHARE_OF_ONE_VEIL_HDR: f64 = 0.04;
 
 /// Budget steps per octave: exposures that differ by less than a step share data that depends on the budget.
@@ -80,7 +80,7 @@ impl ErrorBudget {
         }
     }
 
-    /// An approximation whose error is a number of the least visible steps of luminance, of which it may have `most`.
+    /// An approximation whose error is `steps` of the least visible steps of luminance, and whose limit is `most` of them.
     pub fn bound_in_steps(self, name: &str, steps: f64, most: f64) -> Approximation {
         let (step, unit) = match self {
             Self::Codes(codes) => (codes, "codes of 8 bits"),
@@ -89,7 +89,7 @@ impl ErrorBudget {
         Approximation::new(name, steps * step, unit, Some(most * step))
     }
 
-    /// Fraction of the least luminance that counts, from which the veil of a source is drawn individually.
+    /// Fraction of the least luminance that counts above which the veil of a source is drawn individually.
     pub fn share_of_one_veil(self) -> f64 {
         match self {
             Self::Codes(_) => SHARE_OF_ONE_VEIL,

@@ -42,7 +42,8 @@ pub struct DeepReport {
     pub cell_px: f64,
     /// Number of pages (leaves and tiles) that the frame lacks because they have not been read yet.
     pub missing: u64,
-    /// Bound of the luminance that a pixel may lack or have in excess for that, or because the memory does not hold finer pages, cd/m^2.
+    /// Bound of the luminance that a pixel may lack or have in excess because of missing pages, or because finer pages do not fit into memory,
+    /// cd/m^2.
     pub residual_cd_m2: f64,
     /// The same in codes of an 8-bit display image.
     pub residual_codes: f64,
@@ -51,7 +52,7 @@ pub struct DeepReport {
 /// Methods of a frame, and bounds of their errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Default)]
 pub struct FramePlan {
-    /// Star method: as configured, and the resulting kernels.
+    /// Star method, as configured, and the resulting kernels.
     pub stars: String,
     /// Kind of sums.
     pub accumulator: String,

@@ -7,9 +7,10 @@
 /// Table of costs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
-    /// Number of stars in the map of faint light per pixel of the views from which reading the map costs less than drawing them.
+    /// Number of stars in the map of faint light, per pixel of the views, above which reading the map costs less than drawing the stars.
     pub map_from_stars_per_pixel: f64,
-    /// Number of drawn stars from which units finer than the faintest star requires cost time, since more stars then need a second add.
+    /// Number of drawn stars above which it costs time to choose units finer than the faintest star requires, since more stars then need a second
+    /// add.
     pub coarse_units_from_stars: u64,
 }
 

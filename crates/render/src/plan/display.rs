@@ -9,7 +9,7 @@ use super::{
 };
 use crate::photometry::exposure::white_luminance_cd_m2;
 
-/// Change of a display image that may be seen, codes of 8 bits.
+/// Change of a display image that may be visible, codes of 8 bits.
 const SEEN_CODES: f64 = 0.5;
 
 /// Display images of a frame.
@@ -21,14 +21,15 @@ pub struct DisplayPlan {
     pub budget: Option<ErrorBudget>,
     /// The least luminance that counts within the budget, cd/m^2.
     pub step_cd_m2: Option<f64>,
-    /// Luminance of [`SEEN_CODES`] where the transform is steepest, cd/m^2, whatever the budget; `None` without an expected exposure.
+    /// Change of luminance that corresponds to [`SEEN_CODES`] where the transform is steepest, cd/m^2, whatever the budget; `None` without an
+    /// expected exposure.
     pub seen_cd_m2: Option<f64>,
     /// Whether light is summed in fixed point, for the resolve pass to convert to luminance.
     pub adds_up: bool,
     /// Whether scattered light is added to resolved pictures.
     pub is_scattered_after: bool,
-    /// Whether the resolve pass writes the display images: if the exposure is known in advance, no scattered light is added afterwards, and
-    /// the adapter can ([`Limits::fuses_display`]).
+    /// Whether the resolve pass writes the display images. It does if the exposure is known in advance, no scattered light is added afterwards, and
+    /// the adapter can do it ([`Limits::fuses_display`]).
     pub resolves_to_display: bool,
 }
 

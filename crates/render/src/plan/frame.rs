@@ -58,7 +58,7 @@ pub struct PlanOutputs<'a> {
 }
 
 impl PlanOutputs<'_> {
-    /// Images of that kind of all views, without a map of faint light, with an exposure from these views.
+    /// Requests images of that kind of all views, without a map of faint light and with an exposure from these views.
     pub fn new(output: Output) -> Self {
         Self { output, views: None, sky: SkyUse::StarByStar, exposure: ExposureSource::Own }
     }

@@ -29,7 +29,7 @@ impl Kept {
         self.kernel.as_ref().map(|(_, kernel)| kernel)
     }
 
-    /// Computes the glare kernel of the settings, unless it is the last one.
+    /// Computes the glare kernel of the settings, unless the kept kernel has the same settings.
     pub fn hold_kernel(&mut self, settings: &GlareSettings) -> Result<(), PlanError> {
         // Ignore settings that the kernel does not depend on.
         let GlareSettings { method, fraction, absolute, weights, .. } = GlareSettings::default();

@@ -48,7 +48,7 @@ pub(super) fn plain_spacings(viewports: &[Viewport], is_costly: bool) -> Vec<Opt
     let are_smooth = are_smooth(viewports);
     let spacing = GridSpacing { most_rad: MOST_RAD, most_px: PLAIN_BLOCK_PX };
     let of_viewport = |viewport: &Viewport| {
-        // Measured with llvmpipe (docs/benchmarks.md): in other flat views of space, marking the blocks takes longer than what it saves.
+        // Measured with llvmpipe (docs/benchmarks.md): in other flat views of space, marking the blocks takes more time than it saves.
         let pays = match viewport.projection {
             Projection::Perspective(_) => is_costly,
             Projection::Fisheye(_) => true,

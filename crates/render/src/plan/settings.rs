@@ -16,12 +16,11 @@ pub use super::{
 };
 pub use crate::photometry::tone_map::{ToneMapKeys, ToneMapOperator, ToneMapSettings};
 
-/// The error budget. `stars.method = "auto"` selects kernels by `flicker`; the certificate of a frame says for each budget
-/// whether it is kept.
+/// The error budget. `stars.method = "auto"` selects kernels by `flicker`. The certificate of a frame states for each budget whether it is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AccuracySettings {
-    // Larger error budgets are mistakes: all of the light, or ten pixels.
+    // Budgets above these limits (all of the light, or ten pixels) are mistakes.
     /// Relative error of the flux of a star.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub flux: f64,
@@ -31,23 +30,23 @@ pub struct AccuracySettings {
     /// Standard deviation over mean of the displayed flux of a star over its sub-pixel positions.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub flicker: f64,
-    /// `sky_cube`: a source is drawn individually where its veil exceeds this fraction of the veil around it.
+    /// `sky_cube`: a source is drawn individually if its veil exceeds this fraction of the veil around it.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub glare: f64,
-    /// Display images: error against an exact frame, codes of 8 bits; 0 draws them as exactly as HDR images.
+    /// Display images: error compared with an exact frame, codes of 8 bits. 0 draws them as exactly as HDR images.
     #[schemars(range(min = 0.0, max = 64.0), extend("x-unit" = "codes of 8 bits"))]
     pub display_codes: f64,
-    /// HDR images that the daemon sends as RGB32F: error of a pixel's light, relative to its luminance; 0 draws them as exactly as EXR files, which are
-    /// always exact.
+    /// HDR images that the daemon sends as RGB32F: error of a pixel's light, relative to its luminance. 0 draws them as exactly as EXR files, which
+    /// are always exact.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub hdr: f64,
     /// With `hdr`: error that any pixel may have, however dark it is.
     #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0, "x-unit" = "cd/m²"))]
     pub hdr_floor_cd_m2: f64,
-    /// Whether sampled pixels are compared with f64: `render` fails where the budget is broken, `serve` warns.
+    /// Whether sampled pixels are compared with f64. If an error exceeds the budget, `render` fails and `serve` warns.
     pub audit: bool,
-    /// `serve` alone: how long a frame of display images may take. Where it takes longer, the images of streams give up quality step by step, and every
-    /// frame says what; absent: they give up nothing.
+    /// Only for `serve`: how long a frame of display images may take. If frames take longer, the quality of the images of streams is reduced step by
+    /// step, and every frame reports the reductions. If this is absent, quality is never reduced.
     #[schemars(range(max = 10_000.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "ms"))]
     pub frame_ms: Option<f64>,
 }
@@ -68,7 +67,7 @@ impl Default for AccuracySettings {
     }
 }
 
-/// Everything that decides how a snapshot is drawn.
+/// All settings that determine how a snapshot is drawn.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct RenderSettings {
     /// Stars.
@@ -86,8 +85,8 @@ pub struct RenderSettings {
 }
 
 impl RenderSettings {
-    /// The exposure whose display white is the luminance that a frame shows white, as far as it is known before the frame is
-    /// drawn: the exposure's own, unless the operator does not go by it.
+    /// The exposure whose display white is the luminance that a frame shows as white, if it is known before the frame is drawn: the given exposure,
+    /// unless the tone-mapping operator has its own white.
     pub fn known_white_ev100(&self, known_ev100: Option<f64>) -> Option<f64> {
         self.tone_map.white_ev100().or(known_ev100)
     }

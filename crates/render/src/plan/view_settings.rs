@@ -1,8 +1,8 @@
-//! Settings that views have of their own, and the frames that they make of a rig: views that are drawn alike are one frame, as far as
-//! they share one exposure; others are frames of their own.
+//! Settings of single views, and the division of a rig into frames: views that are drawn alike and share one exposure are one frame;
+//! the others are separate frames.
 //!
-//! An exposure is shared by a group of views, whatever else they differ in: it is that of the group's views together, found with
-//! the glare and the tone mapping of the first of them. Without settings of their own all views are one frame.
+//! A group of views shares one exposure, even if the views differ in other settings. It is computed for all views of the group together,
+//! with the glare and the tone mapping of the first of them. Without settings of single views all views are one frame.
 
 use super::settings::{
     AutoExposure, ExposureSettings, GlareSettings, Meter, Metering, RenderSettings, ToneMapSettings,
@@ -11,22 +11,22 @@ use crate::view::{Rig, RigError, View, ViewKind, projection::FisheyeMapping};
 
 use glam::{DQuat, DVec2, DVec3};
 
-/// Whom a view shares its exposure with.
+/// Views that share an exposure.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ExposureGroup {
-    /// Every view that has no exposure of its own.
+    /// Every view without its own exposure.
     #[default]
     General,
     /// The views that name this group.
     Named(String),
-    /// Nobody: the view of that name has an exposure of its own.
+    /// The view of that name alone: it has its own exposure.
     OfView(String),
 }
 
 /// How a view is exposed and shown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewSettings {
-    /// Whom it shares its exposure with.
+    /// Views that share its exposure.
     pub group: ExposureGroup,
     /// Exposure, the same for all views of the group.
     pub exposure: ExposureSettings,
@@ -37,7 +37,7 @@ pub struct ViewSettings {
 }
 
 impl ViewSettings {
-    /// Those of a view that has none of its own.
+    /// Settings of a view that defines none.
     pub fn general(settings: &RenderSettings) -> Self {
         Self {
             group: ExposureGroup::General,
@@ -47,7 +47,7 @@ impl ViewSettings {
         }
     }
 
-    /// With what all views have in common.
+    /// These settings, together with those that all views have in common.
     fn of_frame(&self, common: &RenderSettings) -> RenderSettings {
         RenderSettings { exposure: self.exposure, glare: self.glare.clone(), tone_map: self.tone_map, ..common.clone() }
     }
@@ -62,14 +62,14 @@ pub struct FrameGroup {
     pub rig: Rig,
     /// How they are drawn.
     pub settings: RenderSettings,
-    /// Whom they share their exposure with.
+    /// Views that share their exposure.
     pub exposure_group: ExposureGroup,
-    /// The views that the exposure is found for, and the settings that it is found with, where these are not the frame's own.
+    /// The views and settings that determine the exposure, if they are not the frame's own.
     pub exposed_as: Option<(Rig, RenderSettings)>,
 }
 
-/// The frames that the views of a rig make, those with the general exposure first, then in the order of their first views. `views` has the settings of each view in the order of the
-/// rig; those of views beyond its end are the common ones.
+/// Divides the views of a rig into frames. Frames with the general exposure are first, the others are in the order of their first views. `views` has
+/// the settings of each view in the order of the rig. Views beyond its end have the common settings.
 pub fn frame_groups(rig: &Rig, common: &RenderSettings, views: &[ViewSettings]) -> Vec<FrameGroup> {
     let general = ViewSettings::general(common);
     let of_view = |index: usize| views.get(index).unwrap_or(&general);
@@ -100,15 +100,16 @@ pub fn frame_groups(rig: &Rig, common: &RenderSettings, views: &[ViewSettings]) 
         .collect()
 }
 
-/// Side of the picture that a spot is metered in, pixels: so many that those inside of the circle cover it to 1.4e-4, as few others do.
+/// Side of the picture in which a spot is metered, pixels. With this side, the pixels inside the circle cover its area to 1.4e-4; few other sides are
+/// as accurate.
 pub const SPOT_PX: u32 = 86;
 
-/// The cone that `spot` meters for a rig, as a rig of one round picture: around the middle of the first view's picture, of a view of two eyes
-/// between them, of a view of several faces in the first one. `None`: there is no view, or the exposure does not meter a spot.
+/// The cone that `spot` meters for a rig, as a rig of one round picture. The cone is around the middle of the first view's picture. If this view has
+/// two eyes, it is between them; if it has several faces, it is in the first face. `None`: the rig is empty, or the exposure does not meter a spot.
 ///
 /// # Errors
 ///
-/// The angle is none that a fisheye can have.
+/// The angle is not valid for a fisheye picture.
 pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, RigError> {
     let ExposureSettings::Auto(AutoExposure { meter: Meter::Spot { spot_deg, .. }, .. }) = exposure else {
         return Ok(None);
@@ -123,7 +124,7 @@ pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, R
     for image in images {
         let mapping = image.projection.mapping();
         let middle = mapping.direction_from_pixel(DVec2::from(mapping.size().map(f64::from)) / 2.0);
-        // A picture that has nothing in its middle looks along its axis all the same.
+        // If a picture shows nothing in its middle, use its axis.
         towards += image.camera_from_view * middle.unwrap_or(DVec3::NEG_Z);
         place_m += image.eye_position_m / images.len() as f64;
     }
@@ -134,8 +135,8 @@ pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, R
     Rig::new(vec![View::new("spot", kind, orientation, place_m)?]).map(Some)
 }
 
-/// The settings that a meter's picture is drawn with: the mean of it is metered. Pyramids of glare know what is in the picture alone, which in
-/// a spot is next to nothing, and are left out there. Composite stars have the light of every star.
+/// The settings with which a meter's picture is drawn; its mean is metered. Glare pyramids are left out for a spot: they use only the content of the
+/// picture, and a spot shows very little. Composite stars are sufficient, since they have the light of all stars.
 pub fn meter_settings(settings: &RenderSettings) -> RenderSettings {
     use super::settings::GlareMethod;
     let mut meter = settings.clone();
@@ -150,7 +151,7 @@ pub fn meter_settings(settings: &RenderSettings) -> RenderSettings {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use std::f64::consts::PI;
 
@@ -192,7 +193,7 @@ mod tests {
             let (shared, settings) = group.exposed_as.as_ref().unwrap();
             let names: Vec<&str> = shared.views().iter().map(|view| view.name.as_str()).collect();
             assert_eq!(names, ["b", "d"]);
-            assert_eq!(settings.glare, GlareSettings::none(), "the first view of the group tells");
+            assert_eq!(settings.glare, GlareSettings::none(), "the first view of the group decides");
             assert_eq!(group.settings.exposure, named.exposure);
         }
     }
@@ -223,7 +224,7 @@ mod tests {
             spot(ViewKind::Stereo { size: [6, 4], ipd_m: 0.064, fov_left: fov, fov_right: fov.mirrored() }),
             DVec3::NEG_Z,
         );
-        // Off the axis: the middle of the picture, not the axis.
+        // In an off-axis view, the spot is in the middle of the picture, not on the axis.
         let middle = 0.5 * (0.7_f64.tan() - 0.9_f64.tan());
         near(spot(ViewKind::OffAxis { size: [8, 8], fov }), DVec3::new(middle, 0.0, -1.0));
         assert!(spot_rig(&Rig::default(), &exposure).unwrap().is_none());

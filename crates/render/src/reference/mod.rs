@@ -1,5 +1,5 @@
 //! CPU references in f64: twins of the passes under the same names, slow and simple, for checking the GPU and for
-//! drawing with custom projections; and ground truths against which every method is measured.
+//! drawing with custom projections; and ground truths that every method is compared with.
 //!
 //! - `stars`: twins of the star passes: `splat` with `gaussian` (the kernel that is round in view space), `packed`,
 //!   `billboards`, `cell_sky`, and `point_spread`, kernels as functions on the sphere;

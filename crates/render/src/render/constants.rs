@@ -4,7 +4,7 @@
 use crate::gpu::shared_constants;
 use crate::view::projection::Face;
 
-/// Axis of every face of a cube: 0, its viewing direction; 1, its up direction.
+/// Axis of every face of a cube: its viewing direction (0) or its up direction (1).
 const fn face_axes(axis: usize) -> [[f32; 3]; 6] {
     let mut axes = [[0.0; 3]; 6];
     let mut face = 0;
@@ -95,7 +95,7 @@ shared_constants! {
         /// The search ends after a step shorter than this, pixels.
         DONE_PX: f32 = crate::view::projection::DONE_PX;
     }
-    /// Diffuse light, from no single star.
+    /// Diffuse light, which does not come from individual stars.
     mod diffuse {
         /// Side of a block of texels that share one roughness value.
         ROUGHNESS_BLOCK: u32 = crate::catalogue::diffuse::ROUGHNESS_BLOCK;
@@ -131,14 +131,14 @@ shared_constants! {
         BLOCK_IS_OUTSIDE: u32 = 4;
         /// Flag of a mixed block: the light that bodies scatter in the eye is interpolated.
         BLOCK_HAS_SMOOTH_GLARE: u32 = 8;
-        /// First bit of a number in the flags of a block: how often the spacing of the grid is halved to read the map of diffuse light. It is the
-        /// last field. 0: the grid is fine enough.
+        /// First bit of a field in the flags of a block: the number of times that the spacing of the grid is halved to read the map of diffuse light.
+        /// It is the last field. 0: the grid is fine enough.
         BLOCK_HALVINGS_SHIFT: u32 = 4;
         /// Greatest number of halvings: every row of pixels reads the map.
         MOST_HALVINGS: u32 = 3;
         /// Entries of a cell of the grid: its place in the map of faint light.
         SKY_CELL_ENTRIES: u32 = 3;
-        /// A part that a frame does not have, in place of the index of its first point.
+        /// Marks a part that a frame does not have; used instead of the index of its first point.
         NO_POINTS: u32 = u32::MAX;
     }
     /// Workgroup sizes: number of invocations of linear workgroups, or along each side of square ones.
@@ -190,7 +190,7 @@ shared_constants! {
     mod sky_pieces {
         /// Words of a piece before its texels.
         PIECE_WORDS: u32 = crate::plan::smooth_light::PIECE_WORDS;
-        /// Makes pieces nearly equally large.
+        /// Parameter that makes pieces nearly equally large.
         PIECE_EVENNESS: f32 = crate::plan::smooth_light::pieces::PIECE_EVENNESS as f32;
     }
     /// Forms of the stars of an item.
@@ -358,12 +358,12 @@ shared_constants! {
     mod extended_sources {
         /// Flag of an extended source.
         IS_EXTENDED: u32 = 1 << 31;
-        /// Resolution and mask of the share of its light that its softened kernel omits.
+        /// Resolution and bit mask of the fraction of its light that its softened kernel omits.
         SHARE_PARTS: u32 = 65_535;
     }
     /// Veil of single sources.
     mod veil {
-        /// Viewport value of sources that every viewport sees.
+        /// Value of `viewport` for sources that every viewport sees.
         EVERY_VIEWPORT: u32 = u32::MAX;
     }
     /// Groups of asteroids and their instances.
@@ -398,8 +398,8 @@ shared_constants! {
         WHOLE_PICTURE: u32 = crate::plan::asteroids::cpu_cull::WHOLE_PICTURE as u32;
         /// Maximum number of kinds of a field: meshes, impostors, and the count of visible asteroids.
         MAX_LOCAL: u32 = crate::plan::asteroids::kinds::MAX_SET_MESHES as u32 + 2;
-        /// Fade of an asteroid that is drawn in full. Otherwise w if it fades in with share w, -w if it is drawn where
-        /// that share is not.
+        /// Fade of an asteroid that is drawn in full. Other values: w if it fades in with share w; -w if it is drawn
+        /// where share w is not.
         WHOLE: f32 = crate::plan::asteroids::cpu_cull::WHOLE;
         /// Least absolute value of a fade, so that its sign is kept.
         LEAST_SHARE: f32 = crate::plan::asteroids::cpu_cull::LEAST_SHARE as f32;

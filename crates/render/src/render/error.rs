@@ -10,8 +10,8 @@ pub enum RenderError {
     /// The frame cannot be planned.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// Fixed-point sums overflowed. Units are chosen to prevent this. If it happens nevertheless, the frame is an error
-    /// and never displayed.
+    /// Fixed-point sums overflowed. Units are chosen to prevent this. If it happens nevertheless, the frame fails and
+    /// is not displayed.
     #[error("{0} fixed-point sums overflowed")]
     Overflow(u32),
     /// An impostor atlas cannot be made.

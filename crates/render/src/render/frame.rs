@@ -109,7 +109,7 @@ pub struct Wanted {
     pub display: bool,
     /// The exact HDR image.
     pub hdr: bool,
-    /// The HDR image within `accuracy.hdr`. It is exact if any view of the frame wants an exact one.
+    /// The HDR image with the accuracy `accuracy.hdr`. It is exact if any view of the frame requests an exact one.
     pub hdr_streamed: bool,
     /// Make the HDR image but leave it on the GPU, to time its making.
     pub hdr_stays: bool,
@@ -126,7 +126,7 @@ impl Wanted {
         Self { display: false, hdr: true, hdr_streamed: false, hdr_stays: false }
     }
 
-    /// Only the HDR image within `accuracy.hdr`.
+    /// Only the HDR image with the accuracy `accuracy.hdr`.
     pub const fn hdr_streamed() -> Self {
         Self { display: false, hdr: false, hdr_streamed: true, hdr_stays: false }
     }
@@ -143,7 +143,7 @@ impl Wanted {
 }
 
 impl BitOrAssign for Wanted {
-    /// Requests the union of both.
+    /// Requests the buffers of both.
     fn bitor_assign(&mut self, other: Self) {
         self.display |= other.display;
         self.hdr |= other.hdr;

@@ -31,7 +31,7 @@ gpu_structs! {
         tent_below_cd_m2: f32,
         /// Index of the view, for counting stars.
         view: u32,
-        /// Stars from this on use the Gaussian kernel; same quantity.
+        /// Stars of at least this luminance use the Gaussian kernel; defined like `tent_below_cd_m2`.
         gaussian_from_cd_m2: f32,
         /// Standard deviation of the Gaussian: the larger of this angle, rad, and `gaussian_sigma_px`.
         gaussian_sigma_rad: f32,
@@ -77,7 +77,7 @@ gpu_structs! {
         unused_0: u32,
         unused_1: u32,
     }
-    /// The grid over the picture of a viewport with plain blocks: all smooth light together, and where its parts begin.
+    /// The grid over the picture of a viewport with plain blocks: the sum of all smooth light, and the positions of its parts.
     struct PlainGrid {
         /// Index of its first point: the sum of all smooth light, and the inverse of the solid angle of a pixel, 1/sr.
         first: u32,
@@ -105,8 +105,8 @@ gpu_structs! {
         spacing_rad: f32,
         /// `spacing` is 2 to this power.
         spacing_log2: u32,
-        /// Index of the first entry of the places of its cells in the map of faint light: three entries for each cell, at the number of its first
-        /// point.
+        /// Index of the first entry for the positions of its cells in the map of faint light. Each cell has three entries; cells are numbered by
+        /// their first points.
         faint: u32,
     }
     /// Parameters of the tone mapping.

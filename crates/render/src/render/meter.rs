@@ -22,7 +22,7 @@ use crate::{
     view::Rig,
 };
 
-/// Planners of a series, and the places of two of them: the one of meters, and the one of HDR images within a budget.
+/// Number of planners of a series, and the indices of two of them: that for meters, and that for HDR images within a budget.
 const SLOTS: usize = 3;
 const METER_SLOT: usize = 1;
 const HDR_STREAM_SLOT: usize = 2;
@@ -56,7 +56,7 @@ impl Renderer {
         Series { slot: SLOTS * number + own, slots: SLOTS * count }
     }
 
-    /// Finds the exposure of a frame if its own plan does not.
+    /// Finds the exposure of a frame if its own plan does not determine it.
     pub(super) fn meter_for(&mut self, request: &FrameRequest<'_>, series: Series) -> Result<Metered, RenderError> {
         let FrameRequest { scene, adapted_ev100, .. } = *request;
         let (rig, settings) = request.exposed_as.unwrap_or((request.rig, request.settings));
@@ -93,7 +93,7 @@ impl Renderer {
         let mut plan = planner.plan(scene, rig, settings, adapted_ev100, outputs, &self.limits)?;
         plan.overlay = None;
         // Pipelines that read tables can also draw pictures without tables, so a meter without tabulated pictures keeps
-        // them.
+        // the current pipelines.
         let needed = self.tables.needed(&self.gpu, &plan.views.viewports);
         if needed != TableForm::None || self.gpu.table_form() == TableForm::None {
             self.hold_tables(&plan.views.viewports)?;

@@ -83,16 +83,15 @@ use crate::{
 pub struct Renderer {
     gpu: Gpu,
     limits: Limits,
-    /// One planner per series of frames, and one for its meters.
+    /// Three planners per series of frames: for the frames, for their meters, and for HDR images within a budget.
     planners: Vec<Planner>,
-    /// Plans pictures of maps of faint light: the others keep what they hold for frames.
+    /// Plans pictures of maps of faint light: the others keep their data for frames.
     map_planner: Planner,
     techniques: Vec<Box<dyn Technique + Send>>,
     /// Impostor atlases baked in advance.
     baked: BakedImpostors,
     pipelines_ahead: PipelinesAhead,
-    /// Techniques for another number of table buffers, kept from an earlier rig, and that number (0: no picture was
-    /// tabulated).
+    /// Techniques for another form of the tables, kept from an earlier rig, with that form.
     idle_techniques: Option<(TableForm, Vec<Box<dyn Technique + Send>>)>,
     targets: Targets,
     /// Targets for drawing pictures of the map of faint light; present while some have to be drawn.
@@ -202,8 +201,8 @@ impl Renderer {
         self.limits.check(rig)
     }
 
-    /// Releases everything that belongs to a scene or a size. Frames in flight keep their buffers and can still be
-    /// finished.
+    /// Releases everything that depends on the scene or on the size of images. Frames in flight keep their buffers and
+    /// can still be finished.
     fn forget_buffers(&mut self) {
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();

@@ -1,9 +1,9 @@
-//! Creates pipelines before the first frame: those that the scene's objects, the rig and the settings can need, on all
-//! cores.
+//! Creates, on all cores and before the first frame, the pipelines that the scene's objects, the rig and the settings
+//! may need.
 //!
-//! GPU drivers compile a shader when its pipeline is created, on the creating thread. Software drivers compile it when
-//! it first runs, one after the other on the thread of the queue. For these, compute shaders are compiled in advance on
-//! separate devices (`gpu/compile_ahead.rs`), and the others need a warm-up frame ([`Renderer::warm_up`]).
+//! GPU drivers compile a shader when its pipeline is created, on the creating thread. Software drivers compile shaders
+//! when they first run, one after the other, on the thread of the queue. For these, compute shaders are compiled in
+//! advance on separate devices (`gpu/compile_ahead.rs`), and the others need a warm-up frame ([`Renderer::warm_up`]).
 
 use std::{
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
@@ -37,12 +37,12 @@ pub struct PrepareStep {
 struct Picture {
     viewports: Vec<Viewport>,
     forecast: Forecast,
-    /// Images that are made of them.
+    /// Images to make of these views.
     made: Wanted,
     is_metered: bool,
 }
 
-/// The picture of a frame. If the frame's meter draws a picture too, it is the second one.
+/// Returns the pictures of a frame: its own picture, then that of its meter if the meter draws one.
 fn pictures(
     objects: &SceneObjects,
     rig: &Rig,
@@ -89,20 +89,20 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
     });
 }
 
-/// Time that a frame spends on pipelines of a later scene. One that takes longer is the last one of the frame.
+/// Time that a frame spends on creating pipelines of a later scene. After a pipeline that exceeds this time, the frame creates no more of them.
 const SLICE: Duration = Duration::from_millis(2);
-/// Without a frame for this time after the wish, none is being drawn.
+/// If no frame has begun this long after the request, no frames are being drawn.
 const FIRST_FRAME: Duration = Duration::from_millis(200);
-/// The same later. A frame that creates a large pipeline takes more than half a second.
+/// The same limit once a frame has begun. It is longer, because a frame that creates a large pipeline takes more than half a second.
 const IDLE: Duration = Duration::from_secs(2);
 
-/// Frames rest if none has begun for this time.
+/// Time without a new frame after which frames are considered at rest.
 const REST: Duration = Duration::from_secs(1);
-/// Longest wait for that.
+/// Longest time to wait for such a rest.
 const LONGEST_DELAY: Duration = Duration::from_secs(30);
 
-/// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before, and those that take long on
-/// another thread. Clones share the content.
+/// Pipelines that a later scene needs. The renderer creates a few of them with each earlier frame, and those that take long on another thread. Clones
+/// share the content.
 #[derive(Clone)]
 pub struct PipelinesAhead(Arc<dyn Opaque>);
 
@@ -122,8 +122,8 @@ impl ShadersAhead {
     }
 }
 
-/// Hides the content from the compiler. It would otherwise search all types of the GPU library in each asynchronous call that holds the
-/// pipelines, to see whether threads may share them: that made the daemon's crate take 90 s longer to check.
+/// Hides the content from the compiler. Otherwise the compiler would search all types of the GPU library in each asynchronous call that holds the
+/// pipelines, to see whether threads may share them: checking the daemon's crate then took 90 s longer.
 trait Opaque: Send + Sync {
     fn content(&self) -> &AheadShared;
 }
@@ -137,7 +137,7 @@ impl Opaque for AheadShared {
 #[derive(Default)]
 struct AheadShared {
     state: Mutex<AheadState>,
-    /// Told after each frame with progress.
+    /// Signalled after each frame with progress.
     created: Condvar,
 }
 
@@ -146,7 +146,7 @@ struct AheadState {
     wanted: Option<WantedPipelines>,
     /// Thread that creates one of them while frames are drawn.
     beside: Option<JoinHandle<()>>,
-    /// Begin of the last frame.
+    /// Start of the last frame.
     last_frame: Option<Instant>,
     /// Shaders of the pipelines that were created.
     shaders: Option<CollectedShaders>,
@@ -154,7 +154,7 @@ struct AheadState {
 
 impl Drop for AheadState {
     fn drop(&mut self) {
-        // A program that ends unloads the driver, which must not compile then.
+        // When the program ends, it unloads the driver, which must not be compiling at that time.
         self.join_beside();
     }
 }
@@ -185,32 +185,32 @@ impl PipelinesAhead {
         self.0.content().state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks for the pipelines of frames with these objects. An earlier request is dropped.
+    /// Requests the pipelines of frames with these objects. An earlier request is dropped.
     pub fn begin(&self, objects: Arc<SceneObjects>, groups: Vec<FrameGroup>) {
         self.state().wanted = Some(WantedPipelines { objects, groups: groups.into(), since: Instant::now(), done: 0 });
     }
 
-    /// Begins again, because the renderer's device was lost with its pipelines.
+    /// Starts again, because the renderer's device was lost together with its pipelines.
     pub(super) fn begin_again(&self) {
         if let Some(wanted) = &mut self.state().wanted {
             wanted.done = 0;
         }
     }
 
-    /// Whether nothing that was asked for is missing.
+    /// Whether all requested pipelines exist.
     pub fn is_done(&self) -> bool {
         self.state().wanted.is_none()
     }
 
-    /// Compiles the shaders of the pipelines that frames have created, if the driver compiles shaders when they first run. Takes up to a minute
-    /// with an empty cache of the driver; frames go on.
+    /// Compiles the shaders of the pipelines that frames have created, if the driver compiles shaders when they first run. Takes up to a minute with
+    /// an empty cache of the driver; frames continue meanwhile.
     pub fn compile(&self) {
         if let Some(shaders) = self.take_shaders() {
             shaders.compile();
         }
     }
 
-    /// Takes these shaders, to compile them later; `None`: there are none.
+    /// Takes these shaders out, to compile them later; `None` if there are none.
     pub fn take_shaders(&self) -> Option<ShadersAhead> {
         self.state().shaders.take().map(ShadersAhead)
     }
@@ -249,7 +249,7 @@ impl Renderer {
         &self.pipelines_ahead
     }
 
-    /// Jobs that create the pipelines of pictures. `formats`: of textures that the images of frames will be drawn into.
+    /// Jobs that create the pipelines of pictures. `formats`: formats of the textures that the images of frames will be drawn into.
     fn jobs<'a>(
         &'a self,
         objects: &'a SceneObjects,
@@ -279,7 +279,7 @@ impl Renderer {
         let Some(WantedPipelines { objects, groups, mut done, .. }) = wanted else { return };
         let of_group = |group: &FrameGroup| {
             let drawn = pictures(&objects, &group.rig, &group.settings, Wanted::both(), &self.limits);
-            // The frame reports the error.
+            // A later frame reports the error.
             drawn.unwrap_or_default()
         };
         let pictures: Vec<Picture> = groups.iter().flat_map(of_group).collect();

@@ -143,7 +143,7 @@ impl<'a> FrameRequest<'a> {
         self.adapted_ev100
     }
 
-    /// Draws within the error budget of the given output, regardless of what is read back, to measure the cost of a
+    /// Draws within the error budget of the given output, whichever images are read back, to measure the cost of a
     /// budget.
     #[doc(hidden)]
     pub fn drawn_for(self, output: Output) -> Self {
@@ -190,7 +190,7 @@ impl<'a> FrameRequest<'a> {
         }
     }
 
-    /// Buffers to read back for each view. HDR images for streams are HDR images: [`Self::output`] has their budget.
+    /// Buffers to read back for each view. HDR images for streams are listed as HDR images; [`Self::output`] contains their budget.
     pub fn wanted_views(&self) -> Vec<Wanted> {
         let reads = |wanted: &Wanted| Wanted { hdr: wanted.reads_hdr(), hdr_streamed: false, ..*wanted };
         self.given_views().iter().map(reads).collect()

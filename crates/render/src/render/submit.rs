@@ -35,7 +35,7 @@ use crate::{
 
 /// Maximum number of frames in flight.
 const MOST_IN_FLIGHT: usize = 2;
-/// Maximum number of plans of a frame after stars have been read for it. Damaged stars stay missing.
+/// Maximum number of times that a frame is planned again after stars have been read for it. Damaged stars stay missing.
 const MOST_PLANS: usize = 3;
 
 /// A frame submitted to the device. Pass it to [`Renderer::finish`] to get its result. If it is dropped, later frames
@@ -247,8 +247,8 @@ impl Renderer {
         Ok(SubmittedFrame { token })
     }
 
-    /// Draws the missing pictures of the map of faint light, or some of them, and states in the plan what their stars lack. Returns whether the map is
-    /// complete.
+    /// Draws the missing pictures of the map of faint light, or some of them, and records in the plan which stars they lack. Returns whether the map
+    /// is complete.
     fn draw_sky(
         &mut self,
         plan: &mut Plan,
@@ -269,7 +269,7 @@ impl Renderer {
         let is_whole = matches!(map.map.layout, SkyLayout::Whole { .. });
         let most = match map.map.layout {
             SkyLayout::Whole { .. } if in_turn => 1,
-            // A map that the next frame may not read any more, as in a zoom, is not begun.
+            // A new map is not begun if the next frame may no longer read it, as in a zoom.
             SkyLayout::Pieces(_) if in_turn && is_new => 0,
             // Drawing the pieces in view takes hardly longer than drawing their stars in the frame.
             SkyLayout::Whole { .. } | SkyLayout::Pieces(_) => usize::MAX,
@@ -420,8 +420,8 @@ impl Renderer {
     }
 }
 
-/// Plans a frame. If it waits for the stars of a deep store, the missing ones are read, and the frame is planned again. That plan may need others: with all
-/// bright stars in memory, a map of faint light may turn out not to be worth its cost.
+/// Plans a frame. If the frame waits for the stars of a deep store, this reads the missing ones and plans the frame again. The new plan may need
+/// other stars: with all bright stars in memory, a map of faint light may turn out not to be worth its cost.
 fn plan_with_stars(
     (planner, limits): (&mut Planner, &Limits),
     waits: bool,
@@ -431,7 +431,7 @@ fn plan_with_stars(
     for _ in 0..MOST_PLANS {
         let deep = &plan.stars.deep;
         let Some(sky) = deep.sky.as_ref().filter(|_| waits && !deep.missing.is_empty()) else { break };
-        // The next plan refuses what is damaged, unless the settings skip it.
+        // The next plan refuses damaged pages, unless the settings skip it.
         if let Err(error) = sky.load(&deep.missing) {
             tracing::debug!("the frame lacks stars: {error}");
         }

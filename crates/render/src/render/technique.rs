@@ -124,7 +124,7 @@ pub(crate) struct Wish<'a> {
     pub viewports: &'a [Viewport],
     /// Decisions of the plans of these frames.
     pub forecast: &'a Forecast,
-    /// Images to make of any view.
+    /// Images to make of at least one view.
     pub made: Wanted,
     /// Formats of the textures that images are drawn into.
     pub formats: &'a [wgpu::TextureFormat],
@@ -201,12 +201,12 @@ pub(crate) trait Technique {
         Vec::new()
     }
 
-    /// Whether the frame before this one could not read the same map of faint light as this plan's frame.
+    /// Whether the previous frame could not read the map of faint light that this plan's frame reads.
     fn is_new_map(&self, _plan: &Plan, _series: Series) -> bool {
         false
     }
 
-    /// Parts of the map of faint light that a plan's frame reads and that have not been drawn yet, or not with all of their stars.
+    /// Parts of the map of faint light that a plan's frame reads and that have not been drawn yet, or were drawn without some of their stars.
     fn map_parts(&mut self, _gpu: &Gpu, _plan: &Plan, _scene: &SceneSnapshot, _series: Series) -> Vec<SkyPart> {
         Vec::new()
     }
@@ -216,7 +216,7 @@ pub(crate) trait Technique {
         MapState::default()
     }
 
-    /// Uploads the data of a planned frame, and stores in `targets` what other techniques read.
+    /// Uploads the data of a planned frame, and stores in `targets` the data that other techniques read.
     fn encode(&mut self, _gpu: &Gpu, _frame: &FrameInputs<'_>, _targets: &mut Targets) {}
 
     /// Records the work of a phase.
@@ -239,6 +239,6 @@ pub(crate) trait Technique {
         Ok(())
     }
 
-    /// Releases everything that belongs to a scene or a size.
+    /// Releases everything that depends on the scene or on the size of images.
     fn release(&mut self);
 }

@@ -73,7 +73,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
                 FisheyeMapping::Orthographic => (KIND_ORTHOGRAPHIC, fisheye.half_fov_rad.cos().powi(2) as f32),
                 FisheyeMapping::Stereographic => (KIND_STEREOGRAPHIC, 0.0),
             };
-            // At the centre and at three points further out. The shader treats the orthographic rim separately.
+            // Test the centre and three points further out. The shader treats the orthographic rim separately.
             let [x, y] = [size[0] / 2, size[1] / 2];
             encoded.quadrature = u32::from([0.0, 0.3, 0.6, 0.9].iter().any(|part| {
                 let column = (x + (fisheye.radius_px() * part) as u32).min(size[0] - 1);

@@ -27,7 +27,7 @@ pub struct SceneClock {
     pub time_s: f64,
     /// Seconds of the scene per second of real time; negative: backwards.
     pub rate: f64,
-    /// Real time at which it was set. Who asks for the moment uses a time that is never set back.
+    /// Real time at which it was set. Callers must pass in real times that are never set back.
     pub since: SystemTime,
 }
 
@@ -88,14 +88,14 @@ impl SceneClock {
     }
 }
 
-/// Tells once in the log that a running clock has reached the first or the last moment.
+/// Logs once that a running clock has reached the first or the last moment.
 #[derive(Debug, Default)]
 pub struct EndNotice {
     told: AtomicBool,
 }
 
 impl EndNotice {
-    /// Looks at a clock at a real time.
+    /// Checks a clock at a real time.
     pub fn look(&self, clock: &SceneClock, now: SystemTime) {
         let end = clock.end(now);
         let told = self.told.swap(end.is_some(), Ordering::Relaxed);

@@ -29,7 +29,7 @@ use crate::catalogue::{StarRecord, bright};
 pub enum StarSource {
     /// The built-in table of bright stars.
     Bright,
-    /// The same with variable stars at the brightness of the moment.
+    /// The same table, but with variable stars at their brightness at the scene's time.
     BrightVariable,
     /// A catalogue or a store.
     File(PathBuf),
@@ -40,7 +40,7 @@ pub enum StarSource {
 }
 
 impl StarSource {
-    /// Folder of a deep store.
+    /// Folder of the deep store, if the source is one.
     fn deep_store(&self) -> Option<&Path> {
         match self {
             Self::File(path) if is_deep_store(path) => Some(path),
@@ -61,7 +61,7 @@ impl StarSource {
     }
 }
 
-/// Whether a store in one file has stars that move, by its header.
+/// Whether a single-file store has stars that move, according to its header.
 fn has_velocities(path: &Path) -> bool {
     store::read_header(path).is_ok_and(|header| header.velocities > 0)
 }
@@ -123,7 +123,7 @@ pub struct LoadReport {
     pub catalogues: Vec<LoadedCatalogue>,
     /// Pairs of catalogues with common stars, which are drawn twice.
     pub overlaps: Vec<Overlap>,
-    /// Files with stars that seem to be in them twice, which are drawn twice.
+    /// Files that seem to contain some stars twice; these stars are drawn twice.
     pub repetitions: Vec<Repetition>,
 }
 
@@ -140,9 +140,9 @@ pub enum LoadError {
     /// A deep store is invalid.
     #[error(transparent)]
     Deep(#[from] DeepError),
-    /// The scene has two deep stores.
+    /// The scene has more than one deep store.
     #[error(
-        "scene.catalogues[{index}]: {} is a second deep store, and a scene takes one: `catalogue import` makes one store of several catalogues",
+        "scene.catalogues[{index}]: {} is a second deep store, but a scene can have only one: `catalogue import` combines several catalogues into one store",
         path.display()
     )]
     SecondDeep {
@@ -151,9 +151,9 @@ pub enum LoadError {
         /// The store.
         path: PathBuf,
     },
-    /// A synthetic galaxy beside a deep store.
+    /// A synthetic galaxy together with a deep store.
     #[error(
-        "scene.catalogues[{index}]: a synthetic galaxy cannot be drawn beside a deep store, whose light of faint stars it would repeat: remove one of them"
+        "scene.catalogues[{index}]: a synthetic galaxy cannot be drawn together with a deep store, whose light of faint stars it would repeat: remove one of them"
     )]
     GalaxyBesideDeep {
         /// Index of the galaxy, from 0.
@@ -193,7 +193,7 @@ pub fn load_stars(
     epoch: &Epoch,
     progress: &mut dyn FnMut(LoadStep),
 ) -> Result<(StarSet, LoadReport), LoadError> {
-    // A single store whose stars are where they are needed is used as it is. Of a deep store these are the bright stars.
+    // If the only source is a store whose stars need not be moved, it is used as it is. For a deep store, this applies to the bright stars.
     if let [StarSource::File(path)] = sources
         && epoch.seen_from.is_none()
         && let is_deep = is_deep_store(path)
@@ -216,7 +216,7 @@ pub fn load_stars(
     let (mut unresolved, mut map, mut deep, mut named) = (None, None, None, Vec::new());
     let mut loaded = Vec::with_capacity(parts.len());
     for (source, mut part) in sources.iter().zip(parts) {
-        // Added below with the brightness of the moment. The table has no names here.
+        // The variable stars are added below, with their brightness at this time. The table has no names here.
         if *source == StarSource::BrightVariable {
             let mut rows = bright::variable_rows();
             rows.sort_unstable();
@@ -226,7 +226,7 @@ pub fn load_stars(
         }
         named.extend(part.named());
         deep = part.deep.take().or(deep);
-        // There is one map of unresolved light: that of a light map, else that of the last galaxy.
+        // Only one map of unresolved light is used: that of a light map, or else that of the last galaxy.
         if matches!(source, StarSource::Light(_)) {
             map = part.unresolved;
         } else {
@@ -376,7 +376,7 @@ fn read_deep(path: &Path, epoch: &Epoch) -> Result<Read, LoadError> {
     })
 }
 
-/// Refuses a second deep store, and a synthetic galaxy beside one.
+/// Refuses a second deep store, and a synthetic galaxy together with one.
 fn check_deep(sources: &[StarSource]) -> Result<(), LoadError> {
     let Some(first) = sources.iter().position(|source| source.deep_store().is_some()) else { return Ok(()) };
     for (index, source) in sources.iter().enumerate() {
@@ -446,7 +446,7 @@ mod tests {
         }
     }
 
-    /// A store moves and names its stars as the file does from which it was made.
+    /// The stars of a store have the same motions and names as those of the file from which the store was made.
     #[test]
     fn a_store_keeps_the_motions_and_names_of_its_file() {
         let folder = tempfile::tempdir().unwrap();
@@ -473,7 +473,7 @@ mod tests {
             let places = |set: &StarSet| set.iter().map(|(position, ..)| position).sum::<glam::DVec3>();
             assert!((places(&expected) - places(&found)).length() < 1e-4, "{years}");
         }
-        // A store of stores keeps them, and a store without motions is not read again for another time.
+        // A store made from other stores keeps motions and names, and a store without motions is not read again for another time.
         let (again, _) = import_stars(&[StarSource::File(path), StarSource::Bright], &mut |_| ()).unwrap();
         assert_eq!(again.names.len(), 3);
         assert!(again.velocities.len() > 9000);

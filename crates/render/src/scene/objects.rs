@@ -45,7 +45,7 @@ pub struct SceneObjects {
 }
 
 impl SceneObjects {
-    /// Whether there is nothing but stars.
+    /// Whether the scene contains only stars.
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty() && self.fields.is_empty() && self.surroundings.is_none()
     }
@@ -82,7 +82,8 @@ impl SceneObjects {
         Arc::new(Self { bodies, local_sky: Some(Arc::new(sky)), ..(**self).clone() })
     }
 
-    /// The zodiacal light at the scene's time, if it is drawn. Air has the part of it that is the same everywhere.
+    /// The zodiacal light at the scene's time, if it is drawn. In air, the part that is the same everywhere is left out, because the light of the
+    /// night sky includes it.
     pub fn zodiacal_light(&self) -> Option<ZodiacalLight> {
         let of_sun = |body: &&Arc<Body>| body.ephemeris == Some(SolarBody::Sun.into());
         let sun = self.bodies.iter().find(of_sun).filter(|_| self.zodiacal_light)?;

@@ -38,7 +38,7 @@ impl Colour {
         Ok(Self([red, green, blue]))
     }
 
-    /// The colour as `#rrggbb`.
+    /// Formats the colour as `#rrggbb`.
     pub fn to_hex(self) -> String {
         let [red, green, blue] = self.0;
         format!("#{red:02x}{green:02x}{blue:02x}")
@@ -102,9 +102,9 @@ named!(GridKind {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
-    /// Coordinates that it shows.
+    /// Coordinate system of the circles.
     pub kind: GridKind,
-    /// Angle between neighbouring circles; 90 is a whole multiple of it.
+    /// Angle between neighbouring circles; it must divide 90 degrees.
     #[serde(default = "grid_spacing_deg")]
     #[schemars(range(min = 1.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub spacing_deg: f64,
@@ -241,7 +241,7 @@ pub enum Anchor {
     Direction(DVec3),
     /// A point: ICRS, barycentric, m.
     Point(DVec3),
-    /// A direction of the scene's observer, who must exist: azimuth from north through east, and apparent altitude, rad.
+    /// A direction as seen by the scene's observer, which is required: azimuth from north through east, and apparent altitude, rad.
     Horizon([f64; 2]),
 }
 
@@ -280,7 +280,7 @@ pub struct Overlay {
     pub trajectories: Vec<Trajectory>,
     /// Labels, drawn over lines.
     pub labels: Vec<Label>,
-    /// Whether N, NE, E and so on are written above the ground of the scene's observer, who must exist.
+    /// Whether N, NE, E and so on are written above the ground of the scene's observer, which is required.
     pub cardinal_points: bool,
     /// Names of the views that show a test pattern, drawn over everything.
     pub test_patterns: Vec<String>,

@@ -37,7 +37,7 @@ struct StarSetKey {
     years: f64,
     /// Rounded place of the observer, and the index of the vantage; `None`: no observer.
     vantage: Option<(Place, i64)>,
-    /// Rounded brightness of the variable stars; `None`: they keep that of the table.
+    /// Rounded brightness of the variable stars; `None`: they keep the brightness of the table.
     variable: Option<[i16; variable::COUNT]>,
 }
 

@@ -225,8 +225,8 @@ impl SceneObjects {
         Some(LocalSky::new(surroundings, horizon_from_world, &sources, around))
     }
 
-    /// The local sky of a camera for starlight only, at the nearest of moments a minute apart: the sky rotates by 0.25
-    /// degrees in between.
+    /// The local sky of a camera for starlight only, at a time rounded to whole minutes: the sky rotates by 0.25
+    /// degrees per minute.
     pub fn sky_of_stars(&self, camera_m: DVec3) -> Option<LocalSky> {
         let time_s = (self.time_s / STARS_S).round() * STARS_S;
         let (surroundings, observer) = self.surroundings_at(camera_m)?;
@@ -425,8 +425,8 @@ impl LocalSky {
         self.through_air((0.5 * (above + lowest)).sin())
     }
 
-    /// Share of a sun's disc of an angular radius, rad, in an apparent direction, that the Earth does not hide, whose horizon is `dip_rad`
-    /// below altitude 0. Ground hides the disc pixel by pixel; without ground this dims a setting sun as a whole, so that one below the
+    /// Share of a sun's disc that the Earth does not hide. The disc has an angular radius, rad, and an apparent direction; the Earth's horizon is
+    /// `dip_rad` below altitude 0. Ground hides the disc pixel by pixel; without ground this dims a setting sun as a whole, so that one below the
     /// horizon does not shine into the night.
     pub(super) fn risen_share(&self, direction: DVec3, radius_rad: f64, dip_rad: f64) -> f64 {
         if self.horizon.is_some() {
@@ -522,7 +522,7 @@ mod tests {
         assert!((light[3] / light[4] - 1.0).abs() < 0.05 && light[5] > 0.5 * light[2], "{light:?}");
         let risen = |degrees: f64| night.risen_share(at(degrees), 0.25_f64.to_radians(), 0.5_f64.to_radians());
         assert!(risen(0.0) == 1.0 && risen(-0.8) == 0.0 && (risen(-0.5) - 0.5).abs() < 1e-9);
-        // Ground hides what is below, and the air above it is not mirrored.
+        // Ground hides the sky below, and the air above it is not mirrored.
         let grounded = LocalSky::new(&surroundings(true, vec![[0.0, -0.05]]), DMat3::IDENTITY, &[], None);
         assert_eq!(grounded.transmission(at(-20.0)), [0.0; 3]);
         assert_eq!(grounded.transmission(at(-2.0)), grounded.transmission(at(0.0)));

@@ -27,7 +27,7 @@ pub enum RigError {
         source: ProjectionError,
     },
     /// A view's name is empty or has characters other than letters, digits, `_` and `-`.
-    #[error("`{name}` is no name: must be one or more letters, digits, `_` and `-`")]
+    #[error("`{name}` is not a valid name: must be one or more letters, digits, `_` and `-`")]
     Name {
         /// The name.
         name: String,
@@ -96,12 +96,12 @@ pub struct ViewImage {
 /// Layout of the pictures of two eyes in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Packing {
-    /// Each in its own file.
+    /// Each picture in its own file.
     #[default]
     None,
-    /// The left eye's above the right eye's.
+    /// In one file, with the left eye's picture above the right eye's.
     TopBottom,
-    /// The left eye's left of the right eye's.
+    /// In one file, with the left eye's picture to the left of the right eye's.
     SideBySide,
 }
 
@@ -485,7 +485,7 @@ mod tests {
         let (turn, place) = (DQuat::from_euler(glam::EulerRot::YXZ, 0.4, -0.2, 0.1), DVec3::new(1.0, 2.0, 3.0));
         let images = |kind: ViewKind| View::new("eyes", kind, turn, place).unwrap().images;
         assert_eq!(images(headset.clone()), images(stereo.clone()));
-        // Swapped eyes are not the same.
+        // With the eyes swapped, the images differ.
         let ViewKind::Headset { eyes: [left, right] } = headset else { unreachable!("a headset was made") };
         assert_ne!(images(ViewKind::Headset { eyes: [right, left] }), images(stereo));
     }

@@ -16,8 +16,8 @@ pub const NAME: &str = "builtin:bright";
 /// The table holds every star brighter than this V magnitude, except variable stars that reach it only at maximum.
 pub const COMPLETE_TO_V_MAG: f64 = 6.5;
 
-/// Mira variables of the table: number in the Bright Star Catalogue, and V at maximum and minimum (General Catalogue of Variable Stars 5.1;
-/// Samus et al. 2017). The table has the mean of both: catalogues give one of many brightnesses, often that of a maximum.
+/// Mira variables of the table: number in the Bright Star Catalogue, and V at maximum and minimum (General Catalogue of Variable Stars 5.1; Samus et
+/// al. 2017). The table has the mean of the two magnitudes, because the single magnitude in a catalogue is arbitrary and often that of a maximum.
 pub const MIRA_VARIABLES: [(u16, f64, f64); 26] = [
     (90, 5.8, 14.9),
     (663, 6.7, 14.6),
@@ -60,7 +60,7 @@ pub fn read(years: f64) -> CatalogueRead {
     read_table(TABLE, years)
 }
 
-/// Reads the table, or some of its rows after its head.
+/// Reads the table, or a part of it that consists of its head and some of its rows.
 fn read_table(table: &str, years: f64) -> CatalogueRead {
     // The table is part of the program: a row that cannot be read is a bug, which the tests below catch.
     let read = read_csv_from(table.as_bytes(), NAME, years).expect("the built-in table is a catalogue");
@@ -68,7 +68,7 @@ fn read_table(table: &str, years: f64) -> CatalogueRead {
     read
 }
 
-/// Rows of the variable stars with an ephemeris, in the order of [`VARIABLE_STARS`]: indices of the stars in the table.
+/// Returns the row index of each variable star with an ephemeris in the table, in the order of [`VARIABLE_STARS`].
 pub fn variable_rows() -> [usize; variable::COUNT] {
     *VARIABLE_ROWS
 }
@@ -76,20 +76,20 @@ pub fn variable_rows() -> [usize; variable::COUNT] {
 static VARIABLE_ROWS: LazyLock<[usize; variable::COUNT]> = LazyLock::new(|| {
     VARIABLE_STARS.map(|star| {
         let start = format!("{},", star.hr);
-        // The table is part of the program, and a test finds every star in it.
+        // The table is part of the program, and a test checks that it contains every variable star.
         rows().position(|row| row.starts_with(&start)).expect("a star of the table")
     })
 });
 
-/// The table with the rows of the variable stars alone, in the order of [`VARIABLE_STARS`].
+/// The table reduced to the rows of the variable stars, in the order of [`VARIABLE_STARS`].
 static VARIABLE_TABLE: LazyLock<String> = LazyLock::new(|| {
     let head = TABLE.lines().take(TABLE.lines().count() - rows().count());
     let rows: Vec<&str> = rows().collect();
     head.chain(variable_rows().map(|row| rows[row])).flat_map(|line| [line, "\n"]).collect()
 });
 
-/// The variable stars with an ephemeris at their positions `years` Julian years after J2000.0, with the brightness of another time,
-/// `brightness_years` after J2000.0; in the order of [`VARIABLE_STARS`].
+/// Returns the variable stars with an ephemeris, in the order of [`VARIABLE_STARS`]. Their positions are those of `years` Julian years after J2000.0,
+/// their brightness is that of `brightness_years` after J2000.0.
 pub fn variable_stars(years: f64, brightness_years: f64) -> Vec<StarRecord> {
     let stars = read_table(&VARIABLE_TABLE, years).stars;
     let varied = stars.into_iter().zip(variable::magnitudes(brightness_years));
@@ -104,8 +104,8 @@ fn rows() -> impl Iterator<Item = &'static str> {
     TABLE.lines().filter(|line| !line.starts_with('#')).skip(1)
 }
 
-/// Returns the same stars with their names: designations are those of Bayer, of Flamsteed or of a variable star with the constellation's
-/// abbreviation, such as `alf CMa` or `R Leo`, and the number in the Bright Star Catalogue, such as `HR 9077`.
+/// Returns the same stars with their names. Designations are those of Bayer, of Flamsteed or of a variable star with the constellation's
+/// abbreviation, such as `alf CMa` or `R Leo`; another one is the number in the Bright Star Catalogue, such as `HR 9077`.
 pub fn named_bright_stars(years: f64) -> Vec<NamedStar> {
     rows()
         .zip(bright_stars(years))

@@ -1,9 +1,8 @@
 //! Stars in chunks, sorted by position in the sky and by distance: a chunk outside every view costs nothing.
 //!
-//! A chunk is a cell of the sky (HEALPix, seen from the Solar-System barycentre) within a shell of distance; each
-//! shell reaches four times as far as the one before. Cells are divided until they hold few stars. The order of the
-//! stars in a set depends on the stars alone, not on the order of the input. Positions are f32 offsets from an f64
-//! origin: each frame computes origin minus camera in f64.
+//! A chunk is a cell of the sky (HEALPix, seen from the Solar-System barycentre) within a shell of distance; the outer radius of each shell is four
+//! times that of the previous one. Cells are divided until they hold few stars. The order of the stars in a set depends on the stars alone, not on
+//! the order of the input. Positions are f32 offsets from an f64 origin: each frame computes origin minus camera in f64.
 
 use std::sync::{Arc, OnceLock};
 
@@ -25,15 +24,15 @@ use crate::units::illuminance_lx_from_magnitude;
 
 /// A chunk with more stars than this is divided, unless all its stars share one position.
 pub const CHUNK_STARS: usize = 1024;
-/// HEALPix depth at which stars are sorted: cells of 51 arcseconds.
+/// HEALPix depth of the cells by which stars are sorted: cells of 51 arcseconds.
 const SORT_DEPTH: u8 = 12;
 /// No chunk is wider than a cell of this depth (29 degrees), unless it holds few stars.
 const WIDEST_DEPTH: u8 = 1;
 /// A chunk of at most this many stars may have any width.
 const FEW_STARS: usize = 256;
-/// Each shell of distance reaches this power of two farther than the one before.
+/// Base-2 logarithm of the ratio of the outer radii of successive shells.
 const SHELL_LOG2: f64 = 2.0;
-/// Shell number of stars at infinity.
+/// Shell index of stars at infinity.
 const INFINITY_SHELL: u16 = u16::MAX;
 
 /// A run of neighbouring stars.
@@ -55,7 +54,7 @@ pub struct Chunk {
     pub half_angle_rad: f64,
     /// Smallest distance of a star from the barycentre, pc.
     pub nearest_pc: f64,
-    /// Illuminance at 1 pc of the faintest star, of the brightest, and of all stars together, lx.
+    /// Illuminance at 1 pc, lx: of the faintest star, of the brightest star, and of all stars together.
     pub faintest_lx: f64,
     /// See `faintest_lx`.
     pub brightest_lx: f64,
@@ -91,9 +90,9 @@ pub struct StarSet {
 /// The variable stars of a set.
 #[derive(Clone, Copy, Debug)]
 struct VariableStars {
-    /// Time of their brightness, Julian years after J2000.0.
+    /// Time for which their brightness was computed, Julian years after J2000.0.
     years: f64,
-    /// Numbers of chunks and stars before them; `None` if they are mixed with the others.
+    /// Numbers of chunks and of stars that precede them; `None` if they are mixed with the other stars.
     after: Option<[usize; 2]>,
 }
 
@@ -110,7 +109,7 @@ fn shell_of(star: &StarRecord) -> u16 {
     if !star.distance_known {
         return INFINITY_SHELL;
     }
-    // Anything below 4^-64 pc is zero for all purposes; the clamp keeps absurd positions sortable.
+    // The clamp keeps absurd positions sortable: any distance below 4^-64 pc is practically 0.
     ((star.position.length().log2() / SHELL_LOG2).floor().clamp(-64.0, 64.0) + 64.0) as u16
 }
 
@@ -139,14 +138,14 @@ impl StarSet {
         Self { unresolved, ..self }
     }
 
-    /// Returns the set with the stars of a deep store.
+    /// Attaches a deep store, whose stars are drawn in addition to those of the set.
     #[must_use]
     pub fn with_deep(self, deep: Option<Arc<DeepSky>>) -> Self {
         Self { deep, ..self }
     }
 
-    /// Returns the set with the variable stars of the built-in table in chunks at its end, with the brightness of a time, in Julian years
-    /// after J2000.0. Those that an earlier call added are replaced; the set must not contain them otherwise.
+    /// Returns the set with the variable stars of the built-in table added in chunks at its end. Their brightness is that of `years` Julian years
+    /// after J2000.0. Variable stars that an earlier call added are replaced; otherwise the set must not contain any.
     #[must_use]
     pub fn with_variable_stars(&self, years: f64) -> Self {
         let [chunks, stars] =
@@ -166,7 +165,7 @@ impl StarSet {
         }
     }
 
-    /// Returns the set, made of all stars of `other` in another order, with the knowledge that variable stars are among them.
+    /// Records that variable stars are among the stars of this set, which consists of all stars of `other` in another order.
     #[must_use]
     pub(super) fn with_variability_of(self, other: &Self) -> Self {
         Self { variable: other.variable.map(|variable| VariableStars { after: None, ..variable }), ..self }
@@ -188,8 +187,8 @@ impl StarSet {
         &self.named_in_files
     }
 
-    /// The named stars as seen at the set's epoch: those of files, which are drawn, then those of the built-in table, whether or not they are in the set.
-    /// Computed at the first call.
+    /// Returns all named stars as seen at the set's epoch: first those of files, which are drawn, then those of the built-in table, whether or not
+    /// they are in the set. Computed at the first call.
     pub fn named(&self) -> &[NamedStar] {
         self.named.get_or_init(|| {
             let mut built_in = named_bright_stars(self.epoch.years);
@@ -224,14 +223,14 @@ impl StarSet {
         Self::from_records_with_order(records).0
     }
 
-    /// The same with the index in `records` of each star of the set.
+    /// As [`Self::from_records`]; also returns the index in `records` of each star of the set.
     pub fn from_records_with_order(records: Vec<StarRecord>) -> (Self, Vec<u32>) {
         let mut keys: Vec<Key> = records
             .par_iter()
             .enumerate()
             .map(|(index, star)| Key { shell: shell_of(star), cell: cell_of(star.position), index: index as u32 })
             .collect();
-        // Stars of one cell are ordered by their own values, so that shuffled input gives the same set.
+        // Stars of one cell are sorted by their own values, so that shuffled input gives the same set.
         let content = |key: &Key| {
             let star = &records[key.index as usize];
             let p = star.position;
@@ -295,7 +294,7 @@ fn divide(keys: &[Key], depth: u8, start: usize, runs: &mut Vec<(usize, usize)>)
         return;
     }
     if depth == SORT_DEPTH {
-        // All stars are in one cell of 51 arcseconds: cut by number.
+        // All stars are in one cell of 51 arcseconds: divide them by number.
         let mut first = start;
         for part in keys.chunks(CHUNK_STARS) {
             runs.push((first, first + part.len()));
@@ -311,7 +310,7 @@ fn divide(keys: &[Key], depth: u8, start: usize, runs: &mut Vec<(usize, usize)>)
     }
 }
 
-/// A chunk with its stars and their indices in `records`.
+/// Creates a chunk; returns it with its stars and their indices in `records`.
 fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<(PackedStar, u32)>) {
     let at_infinity = keys.first().is_some_and(|key| key.shell == INFINITY_SHELL);
     let mut lowest = DVec3::INFINITY;
@@ -341,8 +340,7 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<(PackedStar,
     let mut stars: Vec<(PackedStar, u32)> = Vec::with_capacity(keys.len());
     for key in keys {
         let record = &records[key.index as usize];
-        // A star at infinity has its apparent magnitude, one with a position its absolute magnitude, which holds at
-        // 10 pc.
+        // A star at infinity has its apparent magnitude. A star with a position has its absolute magnitude, which is the magnitude at 10 pc.
         let magnitude_at_1_pc = f64::from(record.magnitude) - if record.distance_known { 5.0 } else { 0.0 };
         let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
         let star =
@@ -359,7 +357,7 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<(PackedStar,
         chunk.total_lx += star.illuminance_at_1_pc_lx();
         stars.push((star, key.index));
     }
-    // angle_between loses half of its digits near 0, and f32 offsets turn a direction by up to 1e-7.
+    // `angle_between` loses half of its digits near 0, and rounding offsets to f32 changes a direction by up to 1e-7.
     chunk.half_angle_rad = (chunk.half_angle_rad + 1e-6).min(std::f64::consts::PI);
     chunk.radius_pc *= 1.0 + 1e-6;
     stars.sort_by_key(|(star, _)| std::cmp::Reverse(star.light >> 11));
@@ -374,7 +372,7 @@ mod tests {
         StarRecord { position: DVec3::new(x, y, z), magnitude: 5.0, temperature_k: 5772.0, distance_known }
     }
 
-    /// Stars along a spiral over the whole sky, every third at infinity.
+    /// Stars along a spiral over the whole sky; every third star is at infinity.
     fn spiral(n: usize) -> Vec<StarRecord> {
         (0..n)
             .map(|i| {

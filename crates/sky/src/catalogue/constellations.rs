@@ -17,7 +17,7 @@ use crate::{
 const TABLE: &str = include_str!("constellation_borders.csv");
 /// B1875.0 as days from J2000.0.
 const B1875_DAYS: f64 = 2_405_889.258_55 - J2000_JD;
-/// Number of rings of directions that are sampled to find the centres of the constellations.
+/// Number of rings of sample directions from which the centres of the constellations are computed.
 const RINGS: u32 = 180;
 
 /// Abbreviation and name of a constellation. Serpens has two parts.
@@ -119,12 +119,11 @@ pub const CONSTELLATIONS: [Constellation; 89] = [
 /// A segment of a border along a parallel or a meridian of B1875.0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Border {
-    /// Right ascension of its start and its end, eastwards, rad; the second may exceed a full turn. Both are equal
-    /// along a meridian.
+    /// Right ascension of its start and of its end, eastwards, rad; the end may exceed a full turn. Both are equal along a meridian.
     pub ra_rad: [f64; 2],
     /// Declination of both ends, rad.
     pub dec_rad: [f64; 2],
-    /// Constellations north and south of it; along a meridian, those on both sides.
+    /// Constellations north and south of the segment; for a meridian, those on its two sides.
     pub sides: [&'static str; 2],
 }
 
@@ -152,7 +151,7 @@ fn border(line: &'static str) -> Border {
 /// Returns the rotation from the mean equator and equinox of B1875.0 to ICRS.
 pub fn icrs_from_b1875() -> DMat3 {
     static ROTATION: OnceLock<DMat3> = OnceLock::new();
-    // SOFA writes matrices by rows: read as columns, the matrix is the inverse.
+    // SOFA stores matrices by rows: read as columns, the array gives the inverse matrix.
     *ROTATION.get_or_init(|| DMat3::from_cols_array_2d(&pmat06(J2000_JD, B1875_DAYS)))
 }
 
@@ -169,14 +168,15 @@ fn number_of(direction: DVec3) -> usize {
         let [from, to] = border.ra_rad;
         from < to && ((from..to).contains(&ra_rad) || (from..to).contains(&(ra_rad + TAU)))
     };
-    // The nearest border to the north; its southern side is the constellation.
+    // Find the nearest border to the north: the constellation is on its southern side.
     let north = borders().iter().filter(spans).filter(|border| border.dec_rad[0] > dec_rad);
     let next = north.min_by(|a, b| a.dec_rad[0].total_cmp(&b.dec_rad[0])).map_or("UMi", |border| border.sides[1]);
     let found = CONSTELLATIONS.binary_search_by_key(&next, |(short, _)| short);
     found.expect("the built-in table has known constellations")
 }
 
-/// The index in [`CONSTELLATIONS`] of the constellation with this name or abbreviation, in any case. Serpens is its head.
+/// Returns the index in [`CONSTELLATIONS`] of the constellation with this name or abbreviation, ignoring case. `Ser` and `Serpens` mean Serpens
+/// Caput.
 pub fn find(name: &str) -> Option<usize> {
     let is_it = |(short, full): &Constellation| names::is_same(short, name) || names::is_same(full, name);
     let is_serpens = names::is_same("Ser", name) || names::is_same("Serpens", name);
@@ -200,8 +200,8 @@ pub fn middles() -> &'static [(&'static str, DVec3)] {
     })
 }
 
-/// Solid angle of each of [`CONSTELLATIONS`], sr. A border along a parallel adds to the area south of it what it
-/// takes from the area north of it.
+/// Solid angle of each of [`CONSTELLATIONS`], sr. Each border along a parallel contributes an area that is added to the constellation south of it and
+/// subtracted from the one north of it.
 pub fn areas_sr() -> &'static [f64] {
     static AREAS: OnceLock<Vec<f64>> = OnceLock::new();
     AREAS.get_or_init(|| {
@@ -211,7 +211,7 @@ pub fn areas_sr() -> &'static [f64] {
                 let [north, south] = border.sides.map(|side| f64::from(u8::from(side == short)));
                 (to - from) * border.dec_rad[0].sin() * (south - north)
             };
-            // The polar constellations end at the pole.
+            // The polar constellations extend to the pole.
             let cap = if short == "UMi" || short == "Oct" { TAU } else { 0.0 };
             cap + borders().iter().map(piece).sum::<f64>()
         };
@@ -237,8 +237,8 @@ mod tests {
 
     #[test]
     fn stars_lie_in_the_constellations_of_their_names() {
-        // Bayer and Flamsteed designations are older than the borders, which were drawn around them; since then a few
-        // stars have crossed a border.
+        // Bayer and Flamsteed designations are older than the borders. The borders were drawn to agree with them, but since then a few stars have
+        // crossed a border.
         let mut wrong = Vec::new();
         let mut compared = 0;
         for star in named_bright_stars(0.0) {
@@ -258,7 +258,7 @@ mod tests {
 
     #[test]
     fn areas_match_the_published_ones() {
-        // Square degrees: the IAU's list of constellations.
+        // Areas in square degrees from the IAU's list of constellations.
         let published = [
             ("Hya", 1302.844),
             ("UMa", 1279.660),

@@ -1,5 +1,5 @@
-//! Light of the whole sky that does not come from individual stars: six faces of luminance as seen from the
-//! barycentre ([`crate::sky_pictures`]), at infinity.
+//! Light of the whole sky that is not drawn as individual stars. It is stored as the luminance on six faces ([`crate::sky_pictures`]), as seen from
+//! the barycentre, and is at infinity.
 //!
 //! A texel has three 9-bit mantissas with a shared exponent, like those of the map of faint stars
 //! (`shaders/shared/sky_texel.wgsl`); the error is at most 1/512 of its brightest channel. Between texels light is
@@ -16,9 +16,9 @@ use crate::{
 
 /// Luminance of a texel's unit, cd/m^2.
 pub const TEXEL_UNIT_CD_M2: f64 = 1e-4;
-/// For a moving observer the light is a black body of this temperature, kelvin, that of a star of B-V = 0.8, ...
+/// For a moving observer the light is treated as that of a black body of this temperature, kelvin, which is that of a star with B-V = 0.8, ...
 const TEMPERATURE_K: f64 = 5200.0;
-/// ... and R, G and B are its light at these wavelengths, m.
+/// ... and R, G and B as its light at these wavelengths, m.
 const WAVELENGTHS_M: [f64; 3] = [612e-9, 549e-9, 465e-9];
 /// Second radiation constant, m K (CODATA 2018).
 const SECOND_RADIATION_M_K: f64 = 1.438_776_877e-2;
@@ -28,12 +28,11 @@ pub const EXPONENTS_AT_REST: [f64; 3] = [
     SECOND_RADIATION_M_K / (WAVELENGTHS_M[1] * TEMPERATURE_K),
     SECOND_RADIATION_M_K / (WAVELENGTHS_M[2] * TEMPERATURE_K),
 ];
-/// Side in texels of the blocks for which roughness is given.
+/// Side of the blocks for which roughness is given, texels.
 pub const ROUGHNESS_BLOCK: u32 = 2;
-/// Roughness is the interpolation error between two points, each this many texels away on opposite sides.
+/// Roughness is the error of interpolating between two points on opposite sides, each this many texels away.
 pub const ROUGHNESS_TEXELS: u32 = 2;
-/// Margin around a block that is searched for its roughness, texels: a cell of points with a corner in the block
-/// reaches this far.
+/// Margin around a block in which its roughness is also searched, texels. A cell of points with a corner in the block extends this far.
 const ROUGHNESS_MARGIN: usize = 4;
 /// Lowest and highest exponent that a texel's five bits can hold.
 const EXPONENTS: (i32, i32) = (-15, 16);
@@ -69,7 +68,7 @@ impl DiffuseSky {
         bytes
     }
 
-    /// The faces of such bytes; `None` if their length does not match.
+    /// Reads the faces from such bytes; `None` if their length does not match.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (side, bytes) = bytes.split_first_chunk()?;
         let (mean, bytes) = bytes.split_first_chunk()?;
@@ -88,7 +87,7 @@ impl DiffuseSky {
         self.pictures
     }
 
-    /// All texels: R, G and B from the lowest bit on, nine each, then the exponent.
+    /// All texels. From the lowest bit on, a texel has nine bits each for R, G and B, then the exponent.
     pub fn texels(&self) -> &[u32] {
         &self.texels
     }
@@ -110,8 +109,8 @@ impl DiffuseSky {
         self.mean_cd_m2
     }
 
-    /// Roughness: the error of light that is interpolated between points 2 [`ROUGHNESS_TEXELS`] apart. For each block
-    /// of [`ROUGHNESS_BLOCK`] texels a side, face by face, the largest error of any channel, cd/m^2.
+    /// Roughness, cd/m^2: the error of light that is interpolated between points 2 [`ROUGHNESS_TEXELS`] apart. Returns the largest error of any
+    /// channel for each block with a side of [`ROUGHNESS_BLOCK`] texels, face by face.
     pub fn roughness_cd_m2(&self) -> &[f32] {
         &self.roughness_cd_m2
     }
@@ -152,7 +151,7 @@ impl DiffuseSky {
         (0..crate::sky_pictures::SKY_FACES as usize * blocks * blocks).into_par_iter().map(of_block).collect()
     }
 
-    /// Mean over directions spread evenly on a spiral.
+    /// Mean over directions that are spread evenly along a spiral.
     fn mean(&self) -> f64 {
         const PLACES: u32 = 20_000;
         let golden = std::f64::consts::PI * (3.0 - 5_f64.sqrt());
@@ -206,13 +205,13 @@ mod tests {
             f64::from(sky.roughness_cd_m2()[(face * blocks + row / block) * blocks + column / block])
         };
         assert_eq!(sky.roughness_cd_m2().len(), 6 * blocks * blocks);
-        // Nine bits resolve 6e-7 here.
+        // The resolution of nine bits is 6e-7 here.
         assert!(
             roughness(DVec3::NEG_X) < 2e-6 && roughness(DVec3::new(-1.0, 0.5, 0.5)) < 2e-6,
             "{}",
             roughness(DVec3::NEG_X)
         );
-        // Two texels away is two thirds of a half wave: the error is 1 - cos(120 degrees) times the amplitude.
+        // Two texels are two thirds of a wavelength away: the error is 1 - cos(120 degrees) times the amplitude.
         let found = roughness(DVec3::new(1.0, 0.2, 0.1)) / (1.5 * 1.5e-4);
         assert!((0.9..1.1).contains(&found), "{found}");
     }
@@ -243,7 +242,7 @@ mod tests {
             let towards = DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
             let (read, expected) = (sky.luminance_cd_m2(3.0 * towards), expected_light(towards));
             for c in 0..3 {
-                // Relative to the brightest channel, whose exponent the others share.
+                // Relative to the brightest channel, because all channels share its exponent.
                 let most = expected.into_iter().fold(0.0, f64::max);
                 assert!((read[c] - expected[c]).abs() < 2.5e-3 * most, "{towards}: {read:?} {expected:?}");
             }

@@ -11,7 +11,7 @@ use crate::relativity::seen_direction;
 /// Time, position and velocity for which stars are shown. The default is J2000.0, at rest at the barycentre.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Epoch {
-    /// Julian years since J2000.0; stars with a known motion have moved for this long.
+    /// Julian years since J2000.0; stars with a known motion are moved by this time.
     pub years: f64,
     /// Position and velocity of the observer; `None`: at rest at the barycentre.
     pub seen_from: Option<Vantage>,
@@ -24,25 +24,24 @@ pub struct Vantage {
     pub position_pc: DVec3,
     /// Velocity in units of the speed of light, ICRS axes; below 1e-3.
     pub velocity_c: DVec3,
-    /// Position at which the camera stays while it shows this vantage's sky, pc: the vantage at another time.
+    /// Position of the camera while it shows this vantage's sky, pc. It is the position of the vantage at another time.
     pub origin_pc: DVec3,
 }
 
 impl Epoch {
-    /// Returns a star, already moved by its motion, as the vantage sees it: a camera at rest at the origin has it in
-    /// the direction of its aberrated light and with its brightness. Changes of brightness and colour with velocity,
-    /// 4e-4 at 30 km/s, are left out.
+    /// Returns a star as the vantage sees it; its own motion must already be applied. A camera at rest at the origin of the vantage then sees the
+    /// star in its aberrated direction and with its brightness. The changes of brightness and colour with velocity, 4e-4 at 30 km/s, are neglected.
     pub fn seen(&self, star: StarRecord) -> StarRecord {
         StarRecord { position: self.seen_place(star.position, star.distance_known), ..star }
     }
 
-    /// Place of a star as the vantage sees it; see [`Self::seen`]. `place` is in pc if the distance is known, else a unit vector.
+    /// Position of a star as the vantage sees it; see [`Self::seen`]. `place` is in pc if the distance is known, else a unit vector.
     pub fn seen_place(&self, place: DVec3, distance_known: bool) -> DVec3 {
         let turned = |from: Vantage| turned(place, distance_known, from.position_pc, from.velocity_c, from.origin_pc);
         self.seen_from.map_or(place, turned)
     }
 
-    /// Inverse of `seen`: the star that the vantage sees like this.
+    /// Inverse of `seen`: returns the star that the vantage sees as `star`.
     fn unseen(&self, star: StarRecord) -> StarRecord {
         let turned = |from: Vantage| {
             turned(star.position, star.distance_known, from.origin_pc, -from.velocity_c, from.position_pc)
@@ -51,8 +50,8 @@ impl Epoch {
     }
 }
 
-/// Moves the place of a star so that a camera at `to_pc` has it in the direction and at the distance in which an observer at
-/// `from_pc` with `velocity_c` sees it.
+/// Moves the position of a star: a camera at `to_pc` then sees it in the direction and at the distance in which an observer at `from_pc` with
+/// velocity `velocity_c` sees the original.
 fn turned(place: DVec3, distance_known: bool, from_pc: DVec3, velocity_c: DVec3, to_pc: DVec3) -> DVec3 {
     let [from_pc, to_pc] = [from_pc, to_pc].map(|place_pc| if distance_known { place_pc } else { DVec3::ZERO });
     let place = place - from_pc;

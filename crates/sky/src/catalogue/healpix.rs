@@ -1,7 +1,7 @@
-//! Maps of surface brightness in files: HEALPix in FITS (HEALPix FITS specification 3.0), as the CDS and healpy write them.
+//! Reads maps of surface brightness from HEALPix files in FITS (HEALPix FITS specification 3.0), as the CDS and healpy write them.
 //!
-//! The reader accepts implicit maps, nested or in rings, of f32 or f64 numbers in celestial (ICRS) or galactic coordinates; of several
-//! columns it reads the first. Cells without a value (UNSEEN) give no light and are counted in the log. Between the centres of cells light is
+//! The reader accepts implicit maps, nested or in rings, with f32 or f64 numbers, in celestial (ICRS) or galactic coordinates. If there are several
+//! columns, it reads the first. Cells without a value (UNSEEN) give no light; the log reports their number. Between the centres of cells light is
 //! interpolated bilinearly.
 
 use std::{
@@ -57,7 +57,7 @@ pub enum LightMapError {
     },
     /// The file is not a HEALPix map in FITS, or has an unsupported layout.
     #[error(
-        "{}: {problem}; a map of light is a FITS file of HEALPix cells, nested or in rings, implicit, in celestial or galactic coordinates, with \
+        "{}: {problem}; a map of light must be a FITS file of HEALPix cells, implicit, nested or in rings, in celestial or galactic coordinates, with \
          f32 or f64 numbers, NSIDE a power of 2 and at most 1024", path.display()
     )]
     Kind {
@@ -80,10 +80,10 @@ pub enum LightMapError {
 
 /// Largest NSIDE of a map: cells of 3.4 arcminutes.
 const MOST_NSIDE: usize = 1024;
-/// Value of cells without a value (UNSEEN of the HEALPix software), and how far f32 rounding may be off.
+/// Number that marks cells without a value (UNSEEN in the HEALPix software), and tolerance for f32 rounding.
 const UNSEEN: f64 = -1.6375e30;
 const UNSEEN_WITHIN: f64 = 1e24;
-/// Largest and smallest size of the texels that a map is drawn with, rad.
+/// Largest and smallest size of the texels with which a map is drawn, rad.
 const TEXELS_RAD: [f64; 2] = [0.0035, 0.0012];
 
 /// Luminance of one star of V = 10 per square degree (S10), cd/m^2.
@@ -92,7 +92,7 @@ pub fn s10_cd_m2() -> f64 {
 }
 
 impl BrightnessUnit {
-    /// Luminance of a map's number, cd/m^2; `None` if it is not a brightness.
+    /// Converts a number of the map to luminance, cd/m^2; `None` if it is not a brightness.
     fn luminance_cd_m2(self, value: f64) -> Option<f64> {
         let luminance = match self {
             Self::Luminance => value,
@@ -180,13 +180,13 @@ struct Layout {
     is_galactic: bool,
     row_bytes: usize,
     rows: usize,
-    /// Values of the first column in each row, and whether they are f64.
+    /// Number of values of the first column in each row, and whether they are f64.
     repeat: usize,
     is_double: bool,
 }
 
 impl Layout {
-    /// The layout that a header gives; the error describes an unsupported one.
+    /// Reads the layout from a header; the error describes an unsupported layout.
     fn new(header: &Header) -> Result<Self, String> {
         let text = |key: &str| header.0.get(key).map_or("", String::as_str);
         let nside = match (header.count("NSIDE"), header.count("ORDER")) {
@@ -208,7 +208,7 @@ impl Layout {
             other => return Err(format!("COORDSYS is `{other}`")),
         };
         if text("INDXSCHM") == "EXPLICIT" || text("OBJECT") == "PARTIAL" {
-            return Err("it lists some cells only (INDXSCHM = EXPLICIT)".to_owned());
+            return Err("it lists only some cells (INDXSCHM = EXPLICIT)".to_owned());
         }
         let form = text("TFORM1");
         let (digits, letter) = form.split_at(form.trim_end_matches(|c: char| c.is_ascii_alphabetic()).len());
@@ -216,12 +216,12 @@ impl Layout {
         let (Some(repeat @ 1..), true) = (repeat, matches!(letter, "E" | "D")) else {
             return Err(format!("TFORM1 is `{form}`"));
         };
-        let [row_bytes, rows] = header.axes()?[..] else { return Err("its table has not two axes".to_owned()) };
+        let [row_bytes, rows] = header.axes()?[..] else { return Err("its table does not have two axes".to_owned()) };
         let is_double = letter == "D";
         let cells = 12 * nside * nside;
         let fits = repeat.checked_mul(if is_double { 8 } else { 4 }).is_some_and(|bytes| bytes <= row_bytes);
         if !fits || repeat.checked_mul(rows) != Some(cells) || row_bytes > 1 << 24 {
-            return Err(format!("{rows} rows of {row_bytes} bytes with TFORM1 = `{form}` are not {cells} cells"));
+            return Err(format!("{rows} rows of {row_bytes} bytes with TFORM1 = `{form}` do not match {cells} cells"));
         }
         let depth = nside.trailing_zeros() as u8;
         Ok(Self { depth, is_ring, is_galactic, row_bytes, rows, repeat, is_double })
@@ -282,7 +282,7 @@ mod tests {
             let found = rec709::luminance(sky.luminance_cd_m2(towards));
             assert!((found / expected - 1.0).abs() < 0.02, "{towards}: {found} {expected}");
         }
-        // Read as magnitudes, these numbers are practically dark.
+        // If these numbers are read as magnitudes, the map is practically dark.
         let dark = LightMap { unit: BrightnessUnit::MagnitudePerArcsec2, ..map }.read().unwrap();
         assert!(dark.mean_cd_m2() < 1e-3, "{}", dark.mean_cd_m2());
         let (_folder, path) = written(3, |_| 22.0);
@@ -294,8 +294,8 @@ mod tests {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/light").join(name)
     }
 
-    /// Maps of 192 cells by healpy, whose value is linear in the direction: in rings with f64 numbers and one cell without a value, and nested
-    /// with f32 numbers in galactic coordinates.
+    /// Maps of 192 cells that healpy wrote; their values are linear in the direction. One is in rings with f64 numbers and has one cell without a
+    /// value; the other is nested with f32 numbers in galactic coordinates.
     #[test]
     fn maps_of_healpy_have_their_light_in_the_right_place() {
         let value = |towards: DVec3| 100.0 + towards.dot(DVec3::new(60.0, 20.0, -30.0));
@@ -311,7 +311,7 @@ mod tests {
                     // The cell that holds longitude 90 and latitude 1.8 degrees, nested: healpy.ang2pix.
                     assert_eq!(cell, 92);
                 } else {
-                    // Texels of the drawn map are far smaller than a cell; cells beside the dark one lose a part.
+                    // Texels of the drawn map are far smaller than a cell; cells next to the dark one lose part of their light.
                     let is_beside = centre.angle_between(DVec3::Y) < 0.6;
                     let lowest = if name == "ring.fits" && is_beside { 0.7 } else { 0.97 };
                     assert!(

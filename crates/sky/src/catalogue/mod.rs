@@ -34,7 +34,7 @@ pub struct StarRecord {
     pub distance_known: bool,
 }
 
-/// Apparent minus absolute magnitude of a star at a distance, without extinction.
+/// Apparent minus absolute magnitude of a star at this distance, without extinction.
 pub fn distance_modulus(distance_pc: f64) -> f64 {
     5.0 * (distance_pc / 10.0).log10()
 }

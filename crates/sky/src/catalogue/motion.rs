@@ -23,12 +23,12 @@ pub struct StarMotion {
     pub radial_velocity_km_s: f64,
 }
 
-/// Velocity of a star of a list.
+/// Velocity of a star in a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StarVelocity {
     /// Index of the star.
     pub star: u32,
-    /// ICRS axes, pc a Julian year, or for a star at infinity radians a Julian year.
+    /// Velocity along the ICRS axes, pc a Julian year; for a star at infinity, radians a Julian year.
     pub velocity: [f32; 3],
 }
 
@@ -40,8 +40,8 @@ impl StarVelocity {
     }
 }
 
-/// Returns a function that gives the velocity of a star by its index. Velocities must be in the order of the stars, and the function must be called for
-/// every index in turn.
+/// Returns a function that gives the velocity of a star by its index. The velocities must be sorted by star, and the function must be called for
+/// every index in ascending order.
 pub fn velocity_by_star(velocities: &[StarVelocity]) -> impl FnMut(usize) -> Option<[f32; 3]> {
     let mut rest = velocities.iter().peekable();
     move |index| rest.next_if(|velocity| velocity.star as usize == index).map(|velocity| velocity.velocity)
@@ -62,8 +62,8 @@ impl StarMotion {
         Self { pm_ra_arcsec, pm_dec_arcsec, radial_velocity_km_s }
     }
 
-    /// Velocity of the star's position, pc a Julian year; without a distance, of the end of the unit vector, radians a Julian year. It is
-    /// constant, because stars move along straight lines.
+    /// Velocity of the star's position, pc a Julian year. Without a distance, it is the velocity of the end of the unit vector, radians a Julian
+    /// year. The velocity is constant, because stars move along straight lines.
     pub fn velocity(&self, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
         let [east, north] = east_and_north(direction);
         let turning = (east * self.pm_ra_arcsec + north * self.pm_dec_arcsec) * ARCSECOND_RAD;
@@ -71,8 +71,8 @@ impl StarMotion {
         turning * distance_pc + direction * (self.radial_velocity_km_s / KM_S_PER_AU_A * ARCSECOND_RAD)
     }
 
-    /// Returns the position after `years` Julian years, pc, or a unit vector if the distance is unknown. `direction`
-    /// is the unit vector to the star's position before, ICRS axes.
+    /// Returns the position after `years` Julian years, pc, or a unit vector if the distance is unknown. `direction` is the unit vector to the star's
+    /// initial position, ICRS axes.
     pub fn after(&self, direction: DVec3, distance_pc: Option<f64>, years: f64) -> DVec3 {
         let moved = direction * distance_pc.unwrap_or(1.0) + self.velocity(direction, distance_pc) * years;
         if distance_pc.is_some() { moved } else { moved.normalize() }
@@ -95,7 +95,7 @@ mod tests {
         let away = StarMotion { radial_velocity_km_s: KM_S_PER_AU_A, ..StarMotion::default() };
         let moved_pc = away.after(start, Some(2.0), 100.0).length() - 2.0;
         assert!((moved_pc / (100.0 * ARCSECOND_RAD) - 1.0).abs() < 1e-9, "{moved_pc}");
-        // A motion comes back from its velocity.
+        // A motion is recovered from its velocity.
         let motion = StarMotion { radial_velocity_km_s: 30.0, ..motion };
         for (distance_pc, radial_velocity_km_s) in [(Some(7.0), 30.0), (None, 0.0)] {
             let found = StarMotion::from_velocity(motion.velocity(start, distance_pc), start, distance_pc);
@@ -106,7 +106,7 @@ mod tests {
             ];
             assert!(off.iter().all(|off| off.abs() < 1e-9), "{found:?}");
         }
-        // East is defined at a pole too.
+        // East is also defined at a pole.
         assert!(motion.after(DVec3::Z, Some(1.0), 1.0).is_finite());
     }
 }

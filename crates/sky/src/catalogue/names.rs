@@ -1,4 +1,4 @@
-//! Names of stars: proper names, designations by Bayer and Flamsteed, and numbers of catalogues, as people write them.
+//! Names of stars: proper names, designations by Bayer and Flamsteed, and catalogue numbers, in the forms that people write.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,7 @@ use unicode_normalization::UnicodeNormalization;
 
 use super::{StarRecord, constellations::CONSTELLATIONS};
 
-/// Greek letters: abbreviation of the IAU as the built-in table writes it, name, and character.
+/// Greek letters: abbreviation of the IAU as in the built-in table, name, and character.
 const GREEK: [(&str, &str, char); 24] = [
     ("alf", "alpha", 'α'),
     ("bet", "beta", 'β'),
@@ -129,8 +129,8 @@ const GENITIVES: [(&str, &str); 88] = [
     ("Vul", "Vulpeculae"),
 ];
 
-/// Catalogues whose numbers are names of stars: as people write them, in lower case without blanks, and their names. Gaia's EDR3 and DR3 have the
-/// same numbers; those of DR2 differ for some stars.
+/// Catalogues whose numbers are names of stars. Each entry has the prefix that people write, in lower case without blanks, and the name of the
+/// catalogue. Gaia's EDR3 and DR3 have the same numbers; those of DR2 differ for some stars.
 const NUMBERED: [(&str, &str); 7] = [
     ("hr", "HR"),
     ("hip", "HIP"),
@@ -143,16 +143,16 @@ const NUMBERED: [(&str, &str); 7] = [
 /// Apostrophes that people and programs write instead of the straight one.
 const APOSTROPHES: [char; 3] = ['\u{2019}', '\u{2018}', '\u{2bc}'];
 
-/// Names of a star in a file.
+/// Names of a star from a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StarNames {
     /// Proper name; empty if it has none.
     pub name: String,
-    /// Designations, such as `alf CMa` and `HIP 32349`, the most usual first.
+    /// Designations, such as `alf CMa` and `HIP 32349`, the most usual one first.
     pub designations: Vec<String>,
 }
 
-/// Names of a star of a list.
+/// Names of a star in a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamesOfStar {
     /// Index of the star.
@@ -175,7 +175,7 @@ pub struct NamedStar {
 }
 
 impl NamedStar {
-    /// A star of a file with its names.
+    /// Creates a star of a file with its names.
     pub fn from_file(names: StarNames, star: StarRecord) -> Self {
         let mut designations = names.designations.into_iter().map(Cow::Owned);
         let designation = designations.next().unwrap_or_default();
@@ -192,7 +192,7 @@ impl NamedStar {
     }
 }
 
-/// Abbreviation of a constellation, in lower case, from its abbreviation, name or genitive in lower case.
+/// Returns the abbreviation of a constellation in lower case. `words` is its abbreviation, name or genitive, in lower case.
 fn constellation(words: &str) -> Option<String> {
     let named = CONSTELLATIONS
         .iter()
@@ -201,7 +201,8 @@ fn constellation(words: &str) -> Option<String> {
     named.or_else(genitive).map(|(short, _)| short.to_lowercase())
 }
 
-/// Greek letter and index of the first word of a designation in plain letters, such as `zet` and `1` of `zeta1`, `ζ1` or `zet-1`.
+/// Returns the Greek letter and the index from the first word of a designation, such as `zet` and `1` from `zeta1`, `ζ1` or `zet-1`. `word` must be
+/// in the form of [`plain`].
 fn greek(word: &str) -> Option<(&'static str, String)> {
     let digits: String = word.chars().filter(char::is_ascii_digit).collect();
     let digits = digits.trim_start_matches('0').to_owned();
@@ -213,10 +214,10 @@ fn greek(word: &str) -> Option<(&'static str, String)> {
     other.or(known.map(|(short, ..)| *short)).map(|short| (short, digits))
 }
 
-/// A name in lower case with straight apostrophes, without accents, and with the usual form of each letter and digit: `µ`, `ϕ` and `¹` of keyboards and
-/// fonts are `μ`, `φ` and `1` (Unicode's compatibility decomposition).
+/// Returns a name in lower case, with straight apostrophes, without accents, and with the usual form of each letter and digit: `µ`, `ϕ` and `¹`
+/// become `μ`, `φ` and `1` (Unicode's compatibility decomposition).
 fn plain(name: &str) -> String {
-    // Marks of other scripts are not accents.
+    // Combining marks of other scripts do not count as accents.
     let is_accent = |c: &char| ('\u{300}'..='\u{36f}').contains(c);
     let bare: String = name.nfkd().filter(|c| !is_accent(c)).collect();
     bare.to_lowercase().replace(APOSTROPHES, "'")
@@ -227,7 +228,7 @@ pub fn is_same(name: &str, other: &str) -> bool {
     plain(name) == plain(other)
 }
 
-/// The catalogue and the number of a name such as `HR 2491`, `hr2491` or `Gaia DR3 4472832130942575872`; `None` for other names.
+/// Returns the catalogue and the number from a name such as `HR 2491`, `hr2491` or `Gaia DR3 4472832130942575872`; `None` for other names.
 fn numbered(name: &str) -> Option<(&'static str, String)> {
     let joined: String = plain(name).split_whitespace().collect();
     NUMBERED.iter().find_map(|(written, catalogue)| {
@@ -237,7 +238,7 @@ fn numbered(name: &str) -> Option<(&'static str, String)> {
     })
 }
 
-/// Catalogues whose numbers may be those of another one: a number of Gaia without its release may be of any.
+/// Returns the catalogues whose numbers may mean the same star: a number of Gaia without its release may belong to any release.
 fn other_releases(catalogue: &str) -> &'static [&'static str] {
     match catalogue {
         "Gaia" => &["Gaia DR3", "Gaia DR2"],
@@ -246,8 +247,8 @@ fn other_releases(catalogue: &str) -> &'static [&'static str] {
     }
 }
 
-/// A name in the form in which names are compared: lower case, single blanks, Greek letters and constellations abbreviated; numbers of
-/// catalogues as in `HR 2491`.
+/// Returns a name in the form in which names are compared: in lower case, with single blanks, and with abbreviated Greek letters and constellations.
+/// Catalogue numbers have the form `HR 2491`.
 fn canonical(name: &str) -> String {
     if let Some((catalogue, number)) = numbered(name) {
         return format!("{catalogue} {number}");
@@ -255,7 +256,7 @@ fn canonical(name: &str) -> String {
     let lower = plain(name);
     let words: Vec<&str> = lower.split_whitespace().collect();
     let Some((first, rest)) = words.split_first() else { return String::new() };
-    // The component of a double star may follow: alf Cen A.
+    // The component of a double star may follow, as in `alf Cen A`.
     let (named, component) = match rest.split_last() {
         Some((component, before)) if component.len() == 1 && constellation(&before.join(" ")).is_some() => {
             (before, format!(" {component}"))
@@ -269,7 +270,8 @@ fn canonical(name: &str) -> String {
     }
 }
 
-/// Designation by Bayer or Flamsteed from the form of HYG, such as `9Alp CMa`, `Alp-1 Cru` or `61 Cyg`; the letter goes before the number.
+/// Returns the designation by Bayer or Flamsteed from the form in HYG, such as `9Alp CMa`, `Alp-1 Cru` or `61 Cyg`. The letter is preferred to the
+/// number.
 pub(super) fn of_hyg(text: &str) -> Option<String> {
     let mut words = text.split_whitespace();
     let (first, constellation_name) = (words.next()?, words.next_back()?);
@@ -283,11 +285,11 @@ pub(super) fn of_hyg(text: &str) -> Option<String> {
     greek(after_number).map(|(letter, digits)| format!("{letter}{digits} {short}"))
 }
 
-/// Of the stars that share a letter, those fainter than the brightest by less than this may be meant.
+/// A shared letter may mean any of the stars that are fainter than the brightest of them by less than this.
 const ALIKE_MAG: f64 = 0.5;
 
-/// Other designations of the star that a canonical one means. A letter with an index may be a component: `alf1 Cen` is `alf Cen A`. The first
-/// component of a double star is often catalogued without its letter: `70 Oph A` is `70 Oph`.
+/// Returns another designation of the star with a canonical designation. A letter with an index may mean a component: `alf1 Cen` is `alf Cen A`. The
+/// first component of a double star is often catalogued without its letter: `70 Oph A` is `70 Oph`.
 fn others_of(wanted: &str) -> Option<String> {
     let (first, rest) = wanted.split_once(' ')?;
     let bare = first.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -298,10 +300,10 @@ fn others_of(wanted: &str) -> Option<String> {
     rest.strip_suffix(" a").map(|constellation| format!("{first} {constellation}"))
 }
 
-/// The star with a name or designation, as people write it: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `R Leo`, `HR 2491`. A number of
-/// Gaia without its release means that of any release, DR3 first. A Greek letter
-/// or a number alone also means the brightest of the stars that have it with an index or a component, or the first of several about as bright:
-/// `gam Vel` is `gam2 Vel`, `alf Cen` is `alf Cen A`, `61 Cyg` is `61 Cyg A`.
+/// Returns the star with a name or designation in a form that people write: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `R Leo`, `HR 2491`.
+/// A number of Gaia without its release is searched in every release, DR3 first. A Greek letter or a number without an index or a component also
+/// means the brightest of the stars that have it with one, or the first of several stars of similar brightness: `gam Vel` is `gam2 Vel`, `alf Cen` is
+/// `alf Cen A`, `61 Cyg` is `61 Cyg A`.
 pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) -> Option<&'a NamedStar> {
     let wanted = canonical(name);
     let called = |wanted: &str| stars.clone().find(|star| star.all().any(|known| canonical(known) == wanted));
@@ -321,7 +323,7 @@ pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) 
             let Some((with_index, rest)) = known.split_once(' ') else { return false };
             let index = with_index.strip_prefix(letter);
             let component = rest.strip_prefix(constellation).map(str::trim_start);
-            // The digits after a number are another number.
+            // Digits that follow a number make it another number.
             index.is_some_and(|index| {
                 index.is_empty() || (!bare.is_empty() && index.chars().all(|c| c.is_ascii_digit()))
             }) && component.is_some_and(|component| component.chars().count() <= 1)
@@ -334,7 +336,7 @@ pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) 
     })
 }
 
-/// Why no star has a name that is a number of a catalogue, such as `HIP 32349`; `None` for other names.
+/// Explains why no star was found for a name that is a catalogue number, such as `HIP 32349`; `None` for other names.
 pub fn why_no_number<'a>(mut stars: impl Iterator<Item = &'a NamedStar>, name: &str) -> Option<String> {
     let (catalogue, _) = numbered(name)?;
     let is_in =
@@ -343,8 +345,8 @@ pub fn why_no_number<'a>(mut stars: impl Iterator<Item = &'a NamedStar>, name: &
         format!("no star of the scene has this {catalogue} number")
     } else {
         format!(
-            "the stars of the scene have no {catalogue} numbers: builtin:bright has proper names, a letter of Bayer or else a number of Flamsteed, some \
-             designations of variable stars, and HR numbers, and files add the numbers of their columns"
+            "the stars of the scene have no {catalogue} numbers: builtin:bright has proper names, Bayer letters or else Flamsteed numbers, some \
+             designations of variable stars, and HR numbers; files have the numbers in their columns"
         )
     })
 }

@@ -1,9 +1,8 @@
-//! Detection of stars that are in two catalogues of a scene, or in one file twice, and would be drawn twice.
+//! Detects stars that would be drawn twice, because they are in two catalogues of a scene, or twice in one file.
 //!
-//! Two entries count as the same star if they are within [`SAME_STAR_ARCSEC`] and [`SAME_STAR_MAG`] (apparent V) of
-//! each other, seen from the Solar System. The smaller catalogue is sorted by HEALPix cell, and one bit for every
-//! cell of the sky records whether one of its stars is in that cell or a neighbouring one. This bit excludes most
-//! stars of the larger catalogue.
+//! Two entries count as the same star if they are within [`SAME_STAR_ARCSEC`] and [`SAME_STAR_MAG`] (apparent V) of each other, seen from the Solar
+//! System. The smaller catalogue is sorted by HEALPix cell. One bit for every cell of the sky records whether a star of this catalogue is in the cell
+//! or in a neighbouring one. These bits exclude most stars of the larger catalogue.
 
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,11 +23,11 @@ pub const SAME_STAR_MAG: f64 = 0.3;
 /// Magnitudes are stored as f32: without this, 5.0 and 5.3 would differ by more than 0.3.
 const MAGNITUDE_ROUNDING: f64 = 1e-5;
 
-/// Cells of 3.2": as [`DEPTH`] for [`REPEATED_ARCSEC`].
+/// HEALPix depth with cells of 3.2": the equivalent of [`DEPTH`] for [`REPEATED_ARCSEC`].
 const REPEATED_DEPTH: u8 = 16;
 
-/// Cells of 51": wide enough that a star's counterpart is in its cell or a neighbouring one, even where cells are
-/// narrow.
+/// HEALPix depth with cells of 51". They are wide enough that the counterpart of a star is in the same cell or a neighbouring one, even where cells
+/// are narrow.
 const DEPTH: u8 = 12;
 
 /// Two catalogues with stars in common.
@@ -56,8 +55,8 @@ impl fmt::Display for Overlap {
     }
 }
 
-/// Rows of one file closer than this, arcseconds, with magnitudes that differ by no more than [`REPEATED_MAG`] are probably one star:
-/// catalogues resolve few double stars of equal brightness as close as that.
+/// Rows of one file closer than this, arcseconds, with magnitudes that differ by no more than [`REPEATED_MAG`] are probably one star: catalogues
+/// rarely resolve double stars of equal brightness that are this close.
 pub const REPEATED_ARCSEC: f64 = 0.5;
 /// See [`REPEATED_ARCSEC`].
 pub const REPEATED_MAG: f64 = 0.05;
@@ -67,7 +66,7 @@ pub const REPEATED_MAG: f64 = 0.05;
 pub struct Repetition {
     /// Name of the catalogue.
     pub name: String,
-    /// Number of stars that an earlier entry repeats.
+    /// Number of stars that repeat an earlier entry.
     pub count: usize,
     /// The brightest of them.
     pub example: StarRecord,
@@ -90,7 +89,7 @@ pub fn find_repetitions(name: &str, stars: &[StarRecord]) -> Option<Repetition> 
     let layer = nested::get(REPEATED_DEPTH);
     let by_cell = sorted_by_cell(layer, stars);
     let within = Tolerance::new(REPEATED_ARCSEC, REPEATED_MAG);
-    // A star repeats an entry if that one comes before it in the file.
+    // A star repeats only entries that come before it in the file.
     let repeated: Vec<usize> = by_cell
         .par_chunk_by(|a, b| a.0 == b.0)
         .flat_map_iter(|own| {
@@ -106,7 +105,7 @@ pub fn find_repetitions(name: &str, stars: &[StarRecord]) -> Option<Repetition> 
     Some(Repetition { name: name.to_owned(), count: repeated.len(), example: stars[*example] })
 }
 
-/// Magnitude and place of a star, for messages.
+/// Describes the magnitude and position of a star, for messages.
 fn described(star: &StarRecord) -> String {
     let DVec3 { x, y, z } = star.position.normalize_or_zero();
     let ra_deg = y.atan2(x).to_degrees().rem_euclid(360.0);
@@ -117,9 +116,8 @@ fn described(star: &StarRecord) -> String {
 
 /// Finds common stars in every pair of `catalogues` (name and stars); pairs without any are left out.
 ///
-/// Each star costs the computation of its cell; only stars near one of the other catalogue cost more. Besides the
-/// stars it needs 25 MB, 16 bytes for each star of the smaller catalogue and 32 for each star of the larger one that
-/// is near one of those.
+/// The cell of every star is computed; only stars near a star of the other catalogue need more time. The function needs 25 MB of memory in addition
+/// to the stars, plus 16 bytes for each star of the smaller catalogue, plus 32 bytes for each star of the larger catalogue that is near one of these.
 pub fn find_overlaps(catalogues: &[(&str, &[StarRecord])]) -> Vec<Overlap> {
     let mut overlaps = Vec::new();
     for (i, &(first, a)) in catalogues.iter().enumerate() {
@@ -184,7 +182,7 @@ fn common_stars(few: &[StarRecord], many: &[StarRecord], within_arcsec: f64, wit
         .collect()
 }
 
-/// A star as it is compared.
+/// A star in the form in which stars are compared.
 struct Entry {
     direction: DVec3,
     magnitude: f64,
@@ -197,7 +195,7 @@ impl Entry {
     }
 }
 
-/// How far entries of one star may be apart.
+/// Largest differences between entries of the same star.
 #[derive(Clone, Copy)]
 struct Tolerance {
     /// Square of the chord on the unit sphere.
@@ -211,7 +209,8 @@ impl Tolerance {
         Self { chord_squared: chord * chord, magnitude: magnitude + MAGNITUDE_ROUNDING }
     }
 
-    /// The entries that may be the same star, from the brightest. `near` is sorted by magnitude, so that many stars at one place cost little.
+    /// Returns the entries that may be the same star, from the brightest on. `near` must be sorted by magnitude, so that the search is fast even if
+    /// many stars are at one position.
     fn matches<'n>(self, star: &Entry, near: &'n [Entry]) -> impl Iterator<Item = &'n Entry> + use<'n> {
         let (direction, magnitude) = (star.direction, star.magnitude);
         let start = near.partition_point(|other| other.magnitude < magnitude - self.magnitude);
@@ -222,7 +221,7 @@ impl Tolerance {
     }
 }
 
-/// Cells and indices of stars, sorted; stars at the origin are left out.
+/// Returns the cells and indices of stars, sorted; stars at the origin are left out.
 fn sorted_by_cell(layer: &Layer, stars: &[StarRecord]) -> Vec<(u64, usize)> {
     let mut by_cell: Vec<(u64, usize)> =
         stars.par_iter().enumerate().filter_map(|(index, star)| Some((cell(layer, star)?, index))).collect();
@@ -230,7 +229,7 @@ fn sorted_by_cell(layer: &Layer, stars: &[StarRecord]) -> Vec<(u64, usize)> {
     by_cell
 }
 
-/// The entries in a cell and its neighbours, sorted by magnitude and index. `by_cell` is sorted.
+/// Returns the entries in a cell and its neighbours, sorted by magnitude and index. `by_cell` must be sorted.
 fn near_cell(layer: &Layer, cell: u64, by_cell: &[(u64, usize)], stars: &[StarRecord]) -> Vec<Entry> {
     let mut cells = Vec::with_capacity(9);
     layer.append_bulk_neighbours(cell, &mut cells);
@@ -283,7 +282,7 @@ mod tests {
                 let b = [star(ra, dec + offset * arcsec, magnitude)];
                 assert_eq!(count(&a, &b), usize::from(is_same), "at {ra}, {dec}: {offset} arcsec, {magnitude} mag");
                 let east = [star(ra + offset * arcsec / dec.to_radians().cos(), dec, magnitude)];
-                // Closer to a pole, ten arcseconds of right ascension are no longer an arc.
+                // Closer to a pole, ten arcseconds in right ascension are no longer an arc of ten arcseconds.
                 if dec.abs() < 89.0 {
                     assert_eq!(count(&a, &east), usize::from(is_same), "at {ra}, {dec}: {offset} arcsec east");
                 }
@@ -302,7 +301,7 @@ mod tests {
 
     #[test]
     fn agrees_with_a_search_of_all_pairs_over_the_whole_sky() {
-        // Stars along a spiral, and copies of them moved by up to 20 arcseconds and 0.6 mag in a fixed pattern.
+        // Stars along a spiral, and copies of them that are shifted by up to 20 arcseconds and 0.6 mag in a fixed pattern.
         let a: Vec<StarRecord> = (0..3000)
             .map(|i| {
                 let i = f64::from(i);
@@ -353,7 +352,7 @@ mod tests {
         assert_eq!(find_repetitions("bright", &bright_stars(0.0)).map(|found| found.count), Some(3));
     }
 
-    /// Rows at a placeholder, and a light curve: the number of comparisons would be that of pairs without an order by magnitude.
+    /// Rows at a placeholder position, and a light curve. If the entries were not sorted by magnitude, all pairs would be compared.
     #[test]
     fn many_entries_at_one_place_are_compared_with_few() {
         let place: Vec<StarRecord> = (0..200_000).map(|_| star(0.0, 0.0, 8.0)).collect();

@@ -1,4 +1,4 @@
-//! The 16-byte star that the renderer reads: an offset from the chunk's origin and one word for its light.
+//! The 16-byte star that the renderer reads: an offset from the chunk's origin and one word for the light.
 //!
 //! From the highest bit down, the word holds 7 bits of exponent and 14 of mantissa of the illuminance at 1 parsec
 //! (relative error at most 3.1e-5), and 11 bits of temperature on a logarithmic scale from 500 to 100000 K (steps of
@@ -12,12 +12,12 @@ use glam::Vec3;
 pub const MIN_TEMPERATURE_K: f64 = 500.0;
 /// Highest temperature that the word can hold, kelvin.
 pub const MAX_TEMPERATURE_K: f64 = 100_000.0;
-/// Octaves between the two: the base-2 logarithm of their ratio.
+/// Number of octaves between the two temperatures: the base-2 logarithm of their ratio.
 pub const TEMPERATURE_OCTAVES: f64 = 7.643_856_189_774_724;
 /// Number of temperature steps.
 pub const TEMPERATURE_STEPS: u32 = 2048;
 
-/// f32 exponent (biased by 127) of the word's exponent 0: 2^-78 lx, absolute magnitude 49.
+/// The f32 exponent (biased by 127) that corresponds to exponent 0 of the word: 2^-78 lx, absolute magnitude 49.
 pub const EXPONENT_BIAS: u32 = 49;
 
 /// Illuminances at 1 pc that the word can hold, in lux: 2^-78 to just below 2^50.
@@ -63,7 +63,7 @@ impl PackedStar {
     }
 }
 
-/// Temperature in kelvin of a step of the colour table.
+/// Temperature of a step of the colour table, kelvin.
 pub fn temperature_of_step_k(step: u32) -> f64 {
     MIN_TEMPERATURE_K * (MAX_TEMPERATURE_K / MIN_TEMPERATURE_K).powf(f64::from(step) / f64::from(TEMPERATURE_STEPS - 1))
 }

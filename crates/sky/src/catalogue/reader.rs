@@ -1,14 +1,12 @@
 //! Readers of star catalogues in CSV, JSON, VOTable, FITS and Parquet.
 //!
-//! A reader first recognises the source of the file by its set of columns ([`sources`]) and their meaning ([`columns`]): this program's
-//! names, those of HYG, AT-HYG, Gaia archive exports and VizieR, and a plain `magnitude,temperature,x,y,z`. It then converts each row to a
-//! [`StarRecord`] ([`row`]). An
-//! unusable row is counted, and the first few are kept with their line and reason; it is always reported and never
-//! stops the rest. A file without a usable row is an error. Besides the stars, reading CSV needs memory for one line
+//! A reader first recognises the source of the file from its set of columns ([`sources`]), and then the meaning of the columns ([`columns`]). It
+//! knows this program's names, those of HYG, AT-HYG, Gaia archive exports and VizieR, and a plain `magnitude,temperature,x,y,z`. It then converts
+//! each row to a [`StarRecord`] ([`row`]). Unusable rows are counted, and the first few are kept with their line and reason. They are always reported
+//! and never stop the reading of other rows. A file without a usable row is an error. In addition to the stars, reading CSV needs memory for one line
 //! only.
 //!
-//! Units: degrees (hours for `ra` of HYG), parsecs, milliarcseconds, magnitudes, kelvin; every name includes its
-//! unit.
+//! Units: degrees (hours for `ra` of HYG), parsecs, milliarcseconds, magnitudes, kelvin; every field name includes its unit.
 
 mod columns;
 mod csv;
@@ -50,9 +48,9 @@ pub use votable::read_votable_from;
 /// Number of rejected rows that [`ReadReport`] keeps with their reason.
 pub const REJECTED_ROWS_KEPT: usize = 10;
 
-/// Number of kinds of problems that [`ReadReport`] counts one by one.
+/// Number of kinds of problems that [`ReadReport`] counts separately.
 const KINDS_KEPT: usize = 20;
-/// Kind of the rows with other problems.
+/// Kind for rows with other problems.
 const OTHER_KINDS: &str = "other reasons";
 
 /// Number of stars of a file whose names are kept.
@@ -62,7 +60,7 @@ pub const NAMED_STARS_KEPT: usize = 300_000;
 pub const FORMATS: &str =
     "CSV, TSV, ECSV, JSON, VOTable, a binary table in FITS, or Parquet, each also compressed with gzip";
 
-/// Largest Parquet file inside gzip, bytes: it is held in memory.
+/// Largest expanded size of a gzipped Parquet file, bytes, because it is held in memory.
 const MOST_GZIP_PARQUET_BYTES: u64 = 1 << 30;
 
 /// Result of reading one file.
@@ -105,31 +103,31 @@ pub struct StreamedStar {
 pub struct ReadReport {
     /// The file's name as passed to the reader.
     pub file: String,
-    /// The source that the file's columns show.
+    /// The source, recognised from the file's columns.
     pub source: Source,
-    /// Columns that drawing could use and that are not read, with the reason if it is known.
+    /// Columns that are not read although the renderer could use them, with the reason if it is known.
     pub unused: Vec<String>,
     /// Remarks on the whole file, such as columns that have several values.
     pub notes: Vec<String>,
     /// Whether the format has no lines: [`RejectedRow::line`] is then the number of the row.
     pub without_lines: bool,
-    /// Rows (CSV) or entries (JSON) after the header; blank lines and comments do not count.
+    /// Number of rows (CSV) or entries (JSON) after the header; blank lines and comments do not count.
     pub rows: usize,
     /// Rows that became stars.
     pub used: usize,
     /// Used rows without a distance: the star is at infinity.
     pub without_distance: usize,
-    /// Used rows with a distance below 1 pc, where no star but the Sun is.
+    /// Used rows with a distance below 1 pc, although the Sun is the only star so near.
     pub very_near: usize,
-    /// Stars that look brighter than any star: such a row is the Sun, the Moon or a planet.
+    /// Used rows that are brighter than any real star: probably the Sun, the Moon or a planet.
     pub very_bright: usize,
     /// Used rows without temperature and colour: the star gets the Sun's temperature.
     pub without_colour: usize,
     /// Used rows with a temperature or colour outside the valid range, which was clamped.
     pub temperature_clamped: usize,
-    /// Used rows with a colour index that no star has, which counts as missing.
+    /// Used rows with a colour index that no star can have; it is treated as missing.
     pub colour_ignored: usize,
-    /// Used rows with a proper motion or a radial velocity that is a mark for a missing value, such as -9999.
+    /// Used rows with a proper motion or a radial velocity that marks a missing value, such as -9999.
     pub motion_ignored: usize,
     /// Used rows with Hipparcos' Hp instead of V.
     pub hp_taken_as_v: usize,
@@ -143,7 +141,7 @@ pub struct ReadReport {
     pub g_taken_as_v: usize,
     /// Rows that could not be used.
     pub rejected: usize,
-    /// Their number by the kind of the problem, in the order of its first row. Those beyond the first few kinds are counted together.
+    /// Numbers of rejected rows by kind of problem, in the order of first occurrence. Kinds beyond the first few are counted together.
     pub rejected_kinds: Vec<RejectedKind>,
     /// The first [`REJECTED_ROWS_KEPT`] rejected rows.
     pub first_rejected: Vec<RejectedRow>,
@@ -152,7 +150,7 @@ pub struct ReadReport {
 /// A row that could not be used.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RejectedRow {
-    /// Line in the file on which the row begins, from 1; in formats without lines the number of the row.
+    /// Line of the file on which the row begins, from 1; in formats without lines, the number of the row.
     pub line: usize,
     /// Reason for the rejection.
     pub reason: String,
@@ -169,7 +167,7 @@ pub struct RejectedKind {
     pub first: RejectedRow,
 }
 
-/// A part of a file, for messages.
+/// A position in a file, for messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowPlace {
     /// A line, from 1.
@@ -195,7 +193,7 @@ impl ReadReport {
         Self { file: file.to_owned(), ..Self::default() }
     }
 
-    /// Place of a row, by its line or number.
+    /// Position of a row, from its line or number.
     fn place(&self, line: usize) -> RowPlace {
         if self.without_lines { RowPlace::Row(line) } else { RowPlace::Line(line) }
     }
@@ -237,7 +235,7 @@ impl ReadReport {
         self.moving += usize::from(notes.velocity.is_some());
     }
 
-    /// An error if the file has no rows, or if none of them is usable.
+    /// Returns an error if the file has no rows, or if none of them is usable.
     fn check(&self) -> Result<(), CatalogueError> {
         let file = self.file.clone();
         if self.rows == 0 {
@@ -261,10 +259,10 @@ impl fmt::Display for ReadReport {
         write!(f, "{file}: {used} of {rows} rows used, read as {} ({})", source.name(), source.conventions())?;
         for (count, note) in [
             (self.without_distance, "without distance (at infinity)"),
-            (self.very_near, "nearer than 1 pc, as no star but the Sun is (another unit?)"),
+            (self.very_near, "nearer than 1 pc, although the Sun is the only star so near (wrong unit?)"),
             (self.very_bright, "brighter than any star (the Sun, the Moon or a planet?)"),
             (self.without_colour, "without colour (5772 K)"),
-            (self.temperature_clamped, "with a temperature outside 500 to 100000 K (moved to the edge)"),
+            (self.temperature_clamped, "with a temperature outside 500 to 100000 K (moved to the nearest limit)"),
             (self.colour_ignored, "with a colour index outside -1.5 to 8.5 (taken as missing)"),
             (self.motion_ignored, "with a motion of nines, such as -9999 (taken as missing)"),
             (self.g_taken_as_v, "without BP-RP (G taken as V)"),
@@ -314,7 +312,7 @@ pub enum CatalogueError {
     Io {
         /// Name of the file.
         file: String,
-        /// Part that was being read.
+        /// Part of the file that was being read.
         place: RowPlace,
         /// The system's error.
         source: std::io::Error,
@@ -324,7 +322,7 @@ pub enum CatalogueError {
     Format {
         /// Path of the file.
         path: PathBuf,
-        /// The format that its first bytes show.
+        /// The format, recognised from its first bytes.
         found: String,
     },
     /// The columns are not those of a star catalogue.
@@ -339,7 +337,7 @@ pub enum CatalogueError {
         /// The columns, shortened if there are many.
         found: String,
     },
-    /// The file cannot be parsed beyond this line.
+    /// The file cannot be read beyond this position.
     #[error("file {file}: {place}: {reason}")]
     Malformed {
         /// Name of the file.
@@ -349,18 +347,18 @@ pub enum CatalogueError {
         /// Description of the problem.
         reason: String,
     },
-    /// A right ascension is in degrees, although its column does not say so. [`read_file`] and [`stream_file`] then read the file as
-    /// degrees; readers of a stream cannot.
+    /// A right ascension must be in degrees, although its column does not state the unit. In this case [`read_file`] and [`stream_file`] read the
+    /// file again with right ascensions in degrees; readers of a stream cannot do this.
     #[error("file {file}: {place}: {reason}")]
     Degrees {
         /// Name of the file.
         file: String,
         /// Place of the row.
         place: RowPlace,
-        /// The value, and what to do.
+        /// The value, and the remedy.
         reason: String,
     },
-    /// The receiver of the stars is gone.
+    /// The receiver of the stars was dropped.
     #[error("file {file}: reading was stopped")]
     Stopped {
         /// Name of the file.
@@ -386,20 +384,20 @@ pub enum CatalogueError {
     },
 }
 
-/// Reads a catalogue in the format that its first bytes show; a file compressed with gzip is expanded while it is read. Stars are placed
+/// Reads a catalogue; its format is recognised from its first bytes. A file compressed with gzip is expanded while it is read. Stars are placed
 /// `years` Julian years after J2000.0.
 ///
 /// # Errors
-/// [`CatalogueError::Format`] for a format other than [`FORMATS`], otherwise as the reader of the format.
+/// [`CatalogueError::Format`] for a format other than [`FORMATS`], otherwise the errors of the reader of the format.
 pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
     read(path, &years.into())
 }
 
-/// Reads a catalogue in the same way, and sends its stars in batches while it reads them. Memory does not grow with the number of rows, except for
-/// JSON and Parquet inside gzip. Repeated rows are not found: they are counted as used.
+/// Reads a catalogue in the same way, and sends its stars in batches while it reads them. The memory does not grow with the number of rows, except
+/// for JSON and gzipped Parquet. Repeated rows are not detected: they are counted as used.
 ///
 /// # Errors
-/// As [`read_file`], or the receiver is gone.
+/// Those of [`read_file`], or the receiver was dropped.
 pub fn stream_file(
     path: &Path,
     years: f64,
@@ -410,7 +408,7 @@ pub fn stream_file(
 
 fn read(path: &Path, reading: &rows::Reading) -> Result<CatalogueRead, CatalogueError> {
     match read_once(path, reading) {
-        // No star was passed on before: without the unit no row has a direction.
+        // No star has been passed on yet, because without the unit no row has a direction.
         Err(CatalogueError::Degrees { .. }) => {
             read_once(path, &rows::Reading { ra_in_degrees: true, ..reading.clone() })
         }
@@ -443,11 +441,11 @@ fn read_once(path: &Path, reading: &rows::Reading) -> Result<CatalogueRead, Cata
         if !is_gzip {
             return parquet::read(open(path)?, &name, reading);
         }
-        // Parquet begins at its end, so that an expanded file must be in memory.
+        // Parquet is read from its end, so that the expanded file must be in memory.
         let mut bytes = Vec::new();
         source.take(MOST_GZIP_PARQUET_BYTES + 1).read_to_end(&mut bytes).map_err(io_error)?;
         if bytes.len() as u64 > MOST_GZIP_PARQUET_BYTES {
-            let found = format!("it is Parquet of more than {MOST_GZIP_PARQUET_BYTES} bytes inside gzip; expand it");
+            let found = format!("it is gzipped Parquet of more than {MOST_GZIP_PARQUET_BYTES} bytes; expand it");
             return Err(CatalogueError::Format { path: path.to_owned(), found });
         }
         return parquet::read(bytes::Bytes::from(bytes), &name, reading);
@@ -474,7 +472,7 @@ fn open(path: &Path) -> Result<std::fs::File, CatalogueError> {
     files::open_regular(path).map_err(open_error)
 }
 
-/// Shortens text from a file for a message: at most 40 characters, control characters escaped.
+/// Shortens text from a file for a message: to at most 40 characters, with control characters escaped.
 fn excerpt(text: &str) -> String {
     let mut short: String = text.chars().take(40).flat_map(char::escape_debug).collect();
     if text.chars().nth(40).is_some() {

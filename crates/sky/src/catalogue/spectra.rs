@@ -1,4 +1,4 @@
-//! Distribution of each chunk's light over temperature: a moving camera needs it to bound the light that it receives.
+//! Distribution of each chunk's light over temperature. It gives an upper bound of the light that a moving camera receives.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use super::{
 
 /// Number of classes of temperature.
 pub const CLASSES: usize = 32;
-/// Temperature steps per class: the ends of a class differ by 18 %.
+/// Number of temperature steps per class; the ends of a class differ by 18 %.
 const STEPS_PER_CLASS: u32 = TEMPERATURE_STEPS / CLASSES as u32;
 
 /// Light of a chunk's stars by temperature.

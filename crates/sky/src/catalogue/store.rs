@@ -1,12 +1,11 @@
-//! The store: a chunked star set in one file, ready to be drawn.
+//! The single-file store: a chunked star set, ready to be drawn.
 //!
-//! Layout, little-endian: a header of 64 bytes ([`Header`]), a description in UTF-8 (padded with zeros to a multiple
-//! of 16 bytes), the table of chunks ([`StoredChunk`], 112 bytes each), the stars ([`PackedStar`], 16 bytes each), the velocities of those that
-//! move ([`StoredVelocity`], 16 bytes each), and the names in UTF-8: one line for each named star with its index, its proper name and its
-//! designations, separated by tabs. Version 1, which is still read, has neither velocities nor names. Positions are those of J2000.0. A
-//! CRC-32 (as in PNG and zlib) covers everything from the version to the end. The file is written next to its
-//! destination and renamed, so that a reader never sees a part of it. Lengths in the header are compared with the
-//! file's length before anything is allocated.
+//! Layout, little-endian: a header of 64 bytes ([`Header`]), a description in UTF-8 (padded with zeros to a multiple of 16 bytes), the table of
+//! chunks ([`StoredChunk`], 112 bytes each), the stars ([`PackedStar`], 16 bytes each), the velocities of the stars that move ([`StoredVelocity`], 16
+//! bytes each), and the names in UTF-8: one line for each named star with its index, its proper name and its designations, separated by tabs. Version
+//! 1, which can still be read, has neither velocities nor names. Positions are at J2000.0. A CRC-32 (as in PNG and zlib) covers everything from the
+//! version to the end. The file is written next to its destination and renamed, so that a reader never sees an incomplete file. Lengths in the header
+//! are compared with the file's length before anything is allocated.
 
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -26,7 +25,7 @@ const _: () = assert!(cfg!(target_endian = "little"), "stores are little-endian 
 
 /// First bytes of every store.
 pub const MAGIC: [u8; 8] = *b"STERSTAR";
-/// Version of the layout that is written; older ones are read too.
+/// Version of the layout that is written; older versions can also be read.
 pub const VERSION: u32 = 2;
 /// Longest description, bytes.
 const LONGEST_DESCRIPTION: usize = 1 << 16;
@@ -44,13 +43,13 @@ pub enum StoreError {
         source: io::Error,
     },
     /// The file is not a store.
-    #[error("{}: not a star store (it does not begin with {:?}); `steradian catalogue import` makes one of a catalogue", path.display(), "STERSTAR")]
+    #[error("{}: not a star store (it does not begin with {:?}); `steradian catalogue import` makes one from a catalogue", path.display(), "STERSTAR")]
     NotAStore {
         /// The file.
         path: PathBuf,
     },
     /// The store has another version.
-    #[error("{}: store version {found}, this program reads versions 1 to {VERSION}; import the catalogue again", path.display())]
+    #[error("{}: store version {found}; this program reads versions 1 to {VERSION}; import the catalogue again", path.display())]
     Version {
         /// The file.
         path: PathBuf,
@@ -148,7 +147,7 @@ impl From<&StoredChunk> for Chunk {
 /// A store in memory.
 #[derive(Clone, Debug, Default)]
 pub struct Store {
-    /// Source of the stars, as text for people.
+    /// Human-readable description of the source of the stars.
     pub description: String,
     /// The stars at J2000.0.
     pub stars: StarSet,
@@ -159,7 +158,7 @@ pub struct Store {
 }
 
 impl Store {
-    /// A store of records at J2000.0. Velocities and names have the indices of the records.
+    /// Creates a store from records at J2000.0. Velocities and names refer to the indices of the records.
     pub fn from_records(
         description: String,
         records: Vec<StarRecord>,
@@ -178,7 +177,8 @@ impl Store {
         Self { description, stars, velocities, names }
     }
 
-    /// The stars in the order of the store, `years` Julian years after J2000.0. Light and colour are those of [`records_of`].
+    /// Returns the stars in the order of the store at their positions `years` Julian years after J2000.0. Light and colour are those of
+    /// [`records_of`].
     pub fn records(&self, years: f64) -> Vec<StarRecord> {
         let mut records = records_of(&self.stars);
         for velocity in &self.velocities {
@@ -187,13 +187,13 @@ impl Store {
         records
     }
 
-    /// The named stars among `records`, which are in the order of the store.
+    /// Returns the named stars among `records`, which must be in the order of the store.
     pub fn named(&self, records: &[StarRecord]) -> Vec<NamedStar> {
         self.names.iter().map(|of| NamedStar::from_file(of.names.clone(), records[of.star as usize])).collect()
     }
 }
 
-/// Velocities and names of the stars for which `keep` is true. Their indices are those among the stars that are kept.
+/// Returns the velocities and names of the stars for which `keep` is true. Their indices then refer to the stars that are kept.
 pub fn kept(
     keep: &[bool],
     velocities: &[StarVelocity],
@@ -213,7 +213,7 @@ pub fn kept(
     (velocities, names)
 }
 
-/// Names as lines of text; tabs and line breaks in names become blanks.
+/// Writes names as lines of text; tabs and line breaks in names become blanks.
 fn lines_of_names(names: &[NamesOfStar]) -> Vec<u8> {
     let mut text = String::new();
     for NamesOfStar { star, names } in names {
@@ -254,7 +254,7 @@ pub fn write(path: &Path, store: &Store) -> Result<(), StoreError> {
     let mut description = store.description.clone().into_bytes();
     if description.len() > LONGEST_DESCRIPTION {
         let problem =
-            format!("its description has {} bytes and must have at most {LONGEST_DESCRIPTION}", description.len());
+            format!("its description has {} bytes but must have at most {LONGEST_DESCRIPTION}", description.len());
         return Err(StoreError::Damaged { path: path.to_owned(), problem });
     }
     let names = lines_of_names(&store.names);
@@ -313,7 +313,7 @@ pub struct StoreHeader {
     pub crc32: u32,
 }
 
-/// Reads the header of a store; checks its magic and version only.
+/// Reads the header of a store; checks only the magic bytes and the version.
 ///
 /// # Errors
 /// The file cannot be read, or is not a store of a known version.
@@ -324,7 +324,7 @@ pub fn read_header(path: &Path) -> Result<StoreHeader, StoreError> {
     Ok(StoreHeader { version, stars, velocities, crc32 })
 }
 
-/// Reads the header at the start of a file. In version 1 the counts of later versions are 0.
+/// Reads the header at the start of a file. In version 1 the counts that later versions added are 0.
 fn header_of(path: &Path, file: &mut std::fs::File) -> Result<Header, StoreError> {
     let mut start = Vec::with_capacity(size_of::<Header>());
     let read = file.take(size_of::<Header>() as u64).read_to_end(&mut start);
@@ -333,7 +333,7 @@ fn header_of(path: &Path, file: &mut std::fs::File) -> Result<Header, StoreError
         return Err(StoreError::NotAStore { path: path.to_owned() });
     }
     if start.len() < size_of::<Header>() {
-        let problem = format!("its {} bytes are fewer than those of a header", start.len());
+        let problem = format!("its {} bytes are too few for a header", start.len());
         return Err(StoreError::Damaged { path: path.to_owned(), problem });
     }
     let header: Header = bytemuck::pod_read_unaligned(&start);
@@ -371,7 +371,7 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
             header.chunk_count, header.star_count, header.velocity_count, header.names_bytes
         )));
     }
-    // Contents and their checksum.
+    // Read the contents and compute their checksum.
     let mut description = vec![0; description_bytes.unwrap_or(0) as usize];
     let mut chunks = vec![StoredChunk::zeroed(); header.chunk_count as usize];
     let mut stars = vec![PackedStar::zeroed(); header.star_count as usize];
@@ -391,7 +391,7 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     ];
     let found = checksum(&header, parts);
     if found != header.crc32 {
-        return Err(damaged(format!("its checksum is {found:08x}, its header has {:08x}", header.crc32)));
+        return Err(damaged(format!("its checksum is {found:08x}, but its header has {:08x}", header.crc32)));
     }
 
     // The chunks must cover the stars without gaps.
@@ -412,15 +412,15 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     let is_valid =
         |v: &StoredVelocity| (v.star as usize) < stars.len() && v.velocity.iter().all(|axis| axis.is_finite());
     if let Some(index) = velocities.iter().position(|velocity| !is_valid(velocity)) {
-        return Err(damaged(format!("velocity {index} is not that of a star")));
+        return Err(damaged(format!("velocity {index} does not belong to a star")));
     }
     let velocities = velocities.iter().map(|v| StarVelocity { star: v.star, velocity: v.velocity }).collect();
     let names = names_of_lines(&names, stars.len()).map_err(damaged)?;
     Ok(Store { description, stars: StarSet::new(chunks, stars), velocities, names })
 }
 
-/// Converts the stars of a set back to records, to combine them with other catalogues. Light and colour are those of
-/// the packed stars: illuminance within 3.1e-5 and temperature within 0.13 % of the catalogue.
+/// Converts the stars of a set back to records, to combine them with other catalogues. Light and colour are those of the packed stars: the
+/// illuminance is within 3.1e-5 of the catalogue, the temperature within 0.13 %.
 pub fn records_of(set: &StarSet) -> Vec<StarRecord> {
     let mut records = Vec::with_capacity(set.stars.len());
     records.extend(set.iter().map(|(position, at_infinity, star)| {
@@ -540,8 +540,8 @@ mod tests {
         let velocities = 64 + 16 + 112 * store.stars.chunks.len() + 16 * 3000;
         let names = velocities + 16 * store.velocities.len();
         for (place, with, part) in [
-            (velocities, &[0xff, 0xff, 0, 0][..], "velocity 0 is not that of a star"),
-            (velocities + 4, &f32::NAN.to_le_bytes(), "velocity 0 is not that of a star"),
+            (velocities, &[0xff, 0xff, 0, 0][..], "velocity 0 does not belong to a star"),
+            (velocities + 4, &f32::NAN.to_le_bytes(), "velocity 0 does not belong to a star"),
             (names, b"99999", "a line of its names"),
             (names, b"\xff", "not UTF-8"),
         ] {
@@ -585,7 +585,7 @@ mod tests {
         }
         std::fs::write(&path, [&whole[..], b"x"].concat()).unwrap();
         assert!(matches!(read(&path), Err(StoreError::Damaged { .. })));
-        // Header, description, chunk table, stars.
+        // The changed bytes are in the header, the description, the chunk table and the stars.
         for index in (0..200).chain((200..whole.len()).step_by(997)) {
             let mut bytes = whole.clone();
             bytes[index] ^= 0x10;

@@ -1,39 +1,39 @@
-//! Variable stars of the built-in table by their ephemeris: apparent V magnitude from epoch, period and an idealised light curve.
+//! Variable stars of the built-in table with an ephemeris: their apparent V magnitude follows from epoch, period and an idealised light curve.
 //!
 //! Elements: General Catalogue of Variable Stars 5.1 (Samus et al. 2017), except
-//! - Algol: a linear fit to the minima that K. Nagai published in the Variable Star Bulletin of VSOLJ, 2008 to 2015; those of the General
-//!   Catalogue, of 1983, are four hours early in 2022;
+//! - Algol: a linear fit to the minima that K. Nagai published in the Variable Star Bulletin of VSOLJ, 2008 to 2015; the elements of the General
+//!   Catalogue, from 1983, are four hours early in 2022;
 //! - beta Lyrae, whose period grows by 19 s a year: Rucinski et al. 2019 (AJ 156, 12), valid for decades around 2018;
 //! - the range of Mira variables, which differs from one period to the next: mean maxima and minima (Campbell 1955, *Studies of Long Period
 //!   Variables*, AAVSO).
 //!
-//! Irregular and semiregular variables (R CrB, Betelgeuse) have no ephemeris and keep the brightness of the table. Times are heliocentric:
-//! up to 8.3 minutes from those of an observer on the Earth.
+//! Irregular and semiregular variables (R CrB, Betelgeuse) have no ephemeris and keep the brightness of the table. Times are heliocentric: they
+//! differ by up to 8.3 minutes from those of an observer on the Earth.
 
 use std::f64::consts::{PI, TAU};
 
 use crate::units::{DAY_S, J2000_JD, JULIAN_YEAR_S};
 
-/// Magnitudes are rounded to multiples of this, so that stars are updated only if one has changed visibly.
+/// Magnitudes are rounded to multiples of this step, so that stars are updated only after a visible change.
 const STEP_MAG: f64 = 0.02;
 
-/// Shape of a light curve over the phase, 0 to 1.
+/// Shape of a light curve as a function of phase, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightCurve {
-    /// Constant light with two eclipses, each for a share of the period (types EA). The magnitude follows the power 1.5 of a raised
-    /// cosine: within 0.1 mag of Algol's curve (Stebbins 1910, ApJ 32, 185).
+    /// Constant light with two eclipses, each of which lasts for a share of the period (types EA). The magnitude follows a raised cosine to the power
+    /// of 1.5, which is within 0.1 mag of Algol's curve (Stebbins 1910, ApJ 32, 185).
     Eclipses {
         /// Magnitude in the middle of the secondary eclipse, at half the period.
         secondary: f64,
         /// Length of an eclipse as a share of the period.
         share: f64,
     },
-    /// No constant light: the squared cosine of the phase angle (types EB).
+    /// Continuously varying light: the square of the cosine of the phase angle (types EB).
     Ellipsoids {
         /// Magnitude at the secondary minimum, at half the period.
         secondary: f64,
     },
-    /// A cosine whose rise takes another share of the period than its fall (Cepheids and Mira variables).
+    /// A cosine whose rise and fall take different shares of the period (Cepheids and Mira variables).
     Pulse {
         /// Share of the period from minimum to maximum.
         rise: f64,
@@ -94,7 +94,7 @@ impl VariableStar {
     pub fn magnitude(&self, jd: f64) -> f64 {
         let phase = ((jd - self.epoch_jd) / self.period_d).rem_euclid(1.0);
         let [maximum, minimum] = self.range;
-        // Phase from the nearer of two neighbouring whole phases.
+        // Distance of a phase from the nearest whole phase.
         let from_whole = |phase: f64| phase.min(1.0 - phase);
         match self.curve {
             LightCurve::Eclipses { secondary, share } => {
@@ -122,7 +122,7 @@ pub fn magnitudes(years: f64) -> [f64; COUNT] {
     steps(years).map(|step| f64::from(step) * STEP_MAG)
 }
 
-/// The same in units of the step; changes only if a magnitude does.
+/// The same in units of the step; the result changes only if a magnitude changes.
 pub fn steps(years: f64) -> [i16; COUNT] {
     let jd = J2000_JD + years * (JULIAN_YEAR_S / DAY_S);
     VARIABLE_STARS.map(|star| (star.magnitude(jd) / STEP_MAG).round() as i16)
@@ -146,14 +146,14 @@ mod tests {
     #[test]
     fn algol_is_faintest_when_observers_were_told() {
         let algol = star(936);
-        // Minima in UTC: of Sky & Telescope's calculator (2022-09-18 01:31), and of Imako's table, made from the same fit (2016-01-24 10:17
-        // and 2016-12-13 10:31). The Earth's place in its orbit accounts for up to 8.3 minutes.
+        // Minima in UTC: from the calculator of Sky & Telescope (2022-09-18 01:31), and from Imako's table, which was made from the same fit
+        // (2016-01-24 10:17 and 2016-12-13 10:31). The position of the Earth in its orbit accounts for up to 8.3 minutes.
         for published_jd in [2_459_840.563_2, 2_457_411.928_5, 2_457_735.938_2] {
             let off_min = (extreme(&algol, published_jd, -1.0) - published_jd) * 1440.0;
             assert!(off_min.abs() < 15.0, "{published_jd}: {off_min} min");
             assert!((algol.magnitude(published_jd) - 3.39).abs() < 0.02);
         }
-        // The elements of 1983 miss the eclipse of 2022 by hours.
+        // The elements from 1983 are wrong by hours for the eclipse in 2022.
         let of_1983 = VariableStar { epoch_jd: 2_445_641.513_5, period_d: 2.867_304_3, ..algol };
         let off_h = (extreme(&of_1983, 2_459_840.563_2, -1.0) - 2_459_840.563_2) * 24.0;
         assert!(off_h < -3.0, "{off_h} h");
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn algol_s_eclipse_has_the_measured_shape() {
         let algol = star(936);
-        // Hours from the minimum, and magnitudes above the light outside the eclipse in units of the depth, from Stebbins 1910.
+        // Hours from the minimum, and increase in magnitude relative to the light outside the eclipse, in units of the depth; from Stebbins 1910.
         for (hours, depth) in
             [(0.0, 1.0), (0.5, 0.95), (1.0, 0.817), (1.5, 0.649), (2.0, 0.498), (3.0, 0.248), (4.9, 0.0)]
         {

@@ -1,8 +1,8 @@
 //! The zodiacal light and the gegenschein: sunlight that dust between the planets scatters, as seen from the Earth.
 //!
-//! Source: C. Leinert et al., "The 1997 reference of diffuse night sky brightness", A&A Supplement 127, 1998, Table 17
-//! (500 nm, after A. C. Levasseur-Regourd and R. Dumont 1980). The table is symmetric about the Sun and about the
-//! ecliptic. Annual variations of a few percent and the inclination of the dust's plane are not modelled.
+//! Source: C. Leinert et al., "The 1997 reference of diffuse night sky brightness", A&A Supplement 127, 1998, Table 17 (500 nm, after A. C.
+//! Levasseur-Regourd and R. Dumont 1980). The table is symmetric about the Sun and about the ecliptic. Annual variations of a few percent and the
+//! inclination of the plane of the dust are not modelled.
 
 use std::{
     f64::consts::PI,
@@ -45,13 +45,13 @@ const TABLE: [[f64; 11]; 19] = [
     [196.0, 192.0, 179.0, 165.0, 151.0, 141.0, 131.0, 104.0, 82.0, 72.0, 77.0],
     [230.0, 212.0, 195.0, 178.0, 163.0, 148.0, 134.0, 105.0, 83.0, 72.0, 77.0],
 ];
-/// Smallest number of the table: the sky brightness away from the ecliptic contains this light everywhere.
+/// Smallest number of the table: this light is everywhere, and the brightness of the sky away from the ecliptic includes it.
 const DARKEST_S10: f64 = 72.0;
-/// Where the table is empty the light falls as this power of the distance from the Sun, in ellipses with this ratio of
-/// latitude to longitude. Both follow from the measured border.
+/// Where the table is empty, the light follows this power of the distance from the Sun, with elliptical contours of this ratio of latitude to
+/// longitude. Both values follow from the measured values at the border.
 const INNER_POWER: f64 = -2.3;
 const INNER_RATIO: f64 = 0.569;
-/// Least longitude for which the light of the inner part still increases, degrees.
+/// Longitude below which the light of the inner part no longer increases, degrees.
 const INNERMOST_DEG: f64 = 5.0;
 /// Size of the texels of the map, rad.
 const TEXEL_RAD: f64 = 0.015;
@@ -73,11 +73,11 @@ static LOGARITHMS: LazyLock<[[f64; 11]; 19]> = LazyLock::new(|| {
 
 /// The light in axes whose x points to the Sun's ecliptic longitude and whose z is the pole of the ecliptic.
 static WHOLE: LazyLock<Arc<DiffuseSky>> = LazyLock::new(|| Arc::new(map(0.0)));
-/// The same without the light that is everywhere.
+/// The same without the part of the light that is everywhere.
 static ABOVE_DARKEST: LazyLock<Arc<DiffuseSky>> = LazyLock::new(|| Arc::new(map(DARKEST_S10)));
 
-/// Brightness at an ecliptic longitude from the Sun and a latitude, rad, in stars of the Sun's colour and V = 10 per
-/// square degree. Interpolated with continuous first derivatives in its logarithm.
+/// Brightness at an ecliptic longitude from the Sun and a latitude, rad, in stars of the Sun's colour and V = 10 per square degree. The logarithm is
+/// interpolated with continuous first derivatives.
 pub fn brightness_s10(longitude_rad: f64, latitude_rad: f64) -> f64 {
     let longitude = (longitude_rad.rem_euclid(2.0 * PI) - PI).abs();
     let longitude_deg = 180.0 - longitude.to_degrees();
@@ -85,8 +85,8 @@ pub fn brightness_s10(longitude_rad: f64, latitude_rad: f64) -> f64 {
     hermite(&LONGITUDES, &LOGARITHMS.each_ref().map(of_row), longitude_deg).exp()
 }
 
-/// Cubic through the values at the nodes, with slopes by the parabola through three nodes. The slope is 0 at both ends:
-/// the light is symmetric about them.
+/// Cubic interpolation through the values at the nodes; the slope at a node is that of the parabola through three nodes. The slope is 0 at both ends,
+/// because the light is symmetric about them.
 fn hermite(nodes: &[f64], values: &[f64], at: f64) -> f64 {
     let last = nodes.len() - 1;
     let at = at.clamp(nodes[0], nodes[last]);
@@ -116,7 +116,7 @@ fn map(without_s10: f64) -> DiffuseSky {
     })
 }
 
-/// The light of a moment.
+/// The zodiacal light at one time.
 #[derive(Clone, Debug)]
 pub struct ZodiacalLight {
     /// Luminance, cd/m^2, in axes whose x points to the Sun's ecliptic longitude and whose z is the pole of the ecliptic.
@@ -126,8 +126,8 @@ pub struct ZodiacalLight {
 }
 
 impl ZodiacalLight {
-    /// The light for a Sun in a direction, ICRS. `above_darkest`: without the part that is everywhere, which the
-    /// luminance of a night sky includes.
+    /// Creates the light for the direction of the Sun, ICRS. If `above_darkest` is true, leaves out the part that is everywhere, because the
+    /// luminance of a night sky already includes it.
     pub fn new(to_sun: DVec3, above_darkest: bool) -> Self {
         let pole = icrs_from_ecliptic() * DVec3::Z;
         let x = (to_sun - pole * to_sun.dot(pole)).normalize_or(icrs_from_ecliptic() * DVec3::X);
@@ -158,7 +158,7 @@ mod tests {
                 }
             }
         }
-        // Neither a step nor a new maximum between the nodes.
+        // There is neither a step nor a new maximum between the nodes.
         let mut before = brightness_s10(f64::to_radians(5.0), 0.0);
         for step in 51..=1350 {
             let next = brightness_s10(f64::to_radians(0.1 * f64::from(step)), 0.0);

@@ -1,9 +1,10 @@
 //! SPK kernels of the SPICE toolkit, read with `anise`: positions of bodies and spacecraft by NAIF number.
 //!
-//! A segment of a kernel gives a body relative to its centre; the position relative to the barycentre of the Solar
-//! System is the sum along the chain of centres. The chain ends at that barycentre; or at the Earth, whose position
-//! is the one on which observers are placed, so that satellites have the distance of their kernel; or at a body of
-//! the Solar System that no kernel has, which then has its position by VSOP87 or ELP.
+//! A segment of a kernel gives the position of a body relative to its centre; the position relative to the barycentre
+//! of the Solar System is the sum along the chain of centres. The chain ends at that barycentre, at the Earth, or at a
+//! body of the Solar System that no kernel contains. For the Earth, it continues with the position on which observers
+//! are placed, so that satellites have the distance that their kernel gives. A body that no kernel contains has its
+//! position from VSOP87 or ELP.
 //!
 //! The barycentre of DE440 differs from that of VSOP87 by 1,000 to 1,400 km. So a chain that ends at the barycentre
 //! is shifted by the difference between kernels and VSOP87 in the position of the Earth, or of the Sun if no kernel
@@ -57,7 +58,7 @@ pub struct Kernels {
     files: Vec<PathBuf>,
     /// First and last TDB, s since J2000.0, for each number.
     covered_s: BTreeMap<i32, [f64; 2]>,
-    /// Numbers for which it was logged that a time is not covered.
+    /// Numbers for which an uncovered time has been logged.
     reported: Mutex<HashSet<i32>>,
 }
 
@@ -93,12 +94,12 @@ fn read(file: &Path) -> Result<SPK, KernelError> {
     SPK::parse(bytes.as_slice()).map_err(|error| fault(damaged(&error)))
 }
 
-/// Message about a file that is not whole.
+/// Message about an incomplete file.
 fn damaged(problem: &dyn Display) -> String {
     format!("the kernel is damaged or incomplete, copy it again: {problem}")
 }
 
-/// Checks that a file of some bytes has the data of a segment.
+/// Checks that a file of a given length, bytes, contains the data of a segment.
 fn check_data(segment: &impl NAIFSummaryRecord, bytes: usize) -> Result<(), String> {
     let (first, last) = (segment.start_index(), segment.end_index());
     if first > 0 && first <= last && last <= bytes / WORD_BYTES {
@@ -106,7 +107,7 @@ fn check_data(segment: &impl NAIFSummaryRecord, bytes: usize) -> Result<(), Stri
     }
     let words = bytes / WORD_BYTES;
     let id = segment.id();
-    Err(damaged(&format!("the data of {id} are its numbers {first} to {last} of 8 bytes, and it has {words}")))
+    Err(damaged(&format!("the data of {id} are its 8-byte numbers {first} to {last}, but it has only {words}")))
 }
 
 impl Kernels {
@@ -157,7 +158,7 @@ impl Kernels {
             }
             almanac = almanac.with_spk_as(kernel, Some(format!("{index}: {}", file.display())));
         }
-        // A position is known while all centres of its chain are.
+        // A position is known only at times at which the positions of all centres of its chain are known.
         for _ in 0..MOST_CENTRES {
             for (body, centres_of_body) in &centres {
                 for centre in centres_of_body.iter().filter(|centre| **centre != EARTH) {

@@ -69,8 +69,8 @@ impl From<SolarBody> for Ephemeris {
     }
 }
 
-/// From the ecliptic and equinox of VSOP87 to the axes of FK5, which agree with ICRS within 0.03 arcsec (the authors'
-/// `vsop87.doc`).
+/// Rotation from the ecliptic and equinox of VSOP87 to the axes of FK5, which agree with ICRS within 0.03 arcsec (the
+/// authors' `vsop87.doc`).
 const ICRS_FROM_VSOP: DMat3 = DMat3::from_cols_array(&[
     1.0,
     -0.000_000_479_966,
@@ -127,14 +127,14 @@ impl SolarBody {
         (self.barycentric_m(tdb_s + STEP_S) - self.barycentric_m(tdb_s - STEP_S)) / (2.0 * STEP_S)
     }
 
-    /// Position relative to `observer_m` at the time when the light left the body that arrives at `tdb_s`, m.
+    /// Position of the body relative to `observer_m`, m, at the time when it emitted the light that arrives at `tdb_s`.
     pub fn astrometric_m(self, observer_m: DVec3, tdb_s: f64) -> DVec3 {
         astrometric_m(|at_s| self.barycentric_m(at_s), observer_m, tdb_s)
     }
 }
 
-/// Position of a body relative to `observer_m` at the time when the light left it that arrives at `tdb_s`, m;
-/// `barycentric_m` is its position by time.
+/// Position of a body relative to `observer_m`, m, at the time when it emitted the light that arrives at `tdb_s`.
+/// `barycentric_m` returns its position at a time.
 pub fn astrometric_m(barycentric_m: impl Fn(f64) -> DVec3, observer_m: DVec3, tdb_s: f64) -> DVec3 {
     let now_m = barycentric_m(tdb_s) - observer_m;
     let before_s = now_m.length() / LIGHT_M_S;
@@ -142,8 +142,8 @@ pub fn astrometric_m(barycentric_m: impl Fn(f64) -> DVec3, observer_m: DVec3, td
         return now_m;
     }
     let before_m = barycentric_m(tdb_s - before_s) - observer_m;
-    // Speeds are below 5e-4 c: the remaining error of the light time shrinks by that factor, and bodies move in
-    // straight lines during it.
+    // Bodies are slower than 5e-4 c, so the light time differs from `before_s` by less than this share. During the
+    // difference, bodies move in straight lines.
     let left_s = before_m.length() / LIGHT_M_S - before_s;
     before_m + (before_m - now_m) * (left_s / before_s)
 }

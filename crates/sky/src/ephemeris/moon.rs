@@ -20,7 +20,7 @@ const MEAN_LONGITUDE: [f64; 5] = [
     3.201_709_550_047_375e-8,
     -1.536_374_555_436_119_7e-10,
 ];
-/// Laskar's P and Q of the mean ecliptic of date, by powers of time, starting at the first.
+/// Laskar's P and Q of the mean ecliptic of date, by powers of time, starting at the first power.
 const P: [f64; 5] = [1.018_039_1e-5, 4.702_043_9e-7, -5.417_367e-10, -2.507_948e-12, 4.634_86e-15];
 const Q: [f64; 5] = [-1.134_690_02e-4, 1.237_267_4e-7, 1.265_417e-9, -1.371_808e-12, -3.203_34e-15];
 
@@ -64,7 +64,7 @@ pub(super) fn geocentric_m(tdb_s: f64) -> DVec3 {
     let latitude = sum(Coordinate::Latitude) * ARCSECOND_RAD;
     let distance_m = 1e3 * SCALE * sum(Coordinate::Distance);
     let of_date = direction_from_lon_lat(longitude, latitude);
-    // To the ecliptic of J2000.
+    // Rotate to the ecliptic of J2000.
     let (p, q) = (t * polynomial(&P, t), t * polynomial(&Q, t));
     let root = 2.0 * (1.0 - p * p - q * q).sqrt();
     let ecliptic = DVec3::new(

@@ -1,6 +1,6 @@
 //! The largest moons of Jupiter and Saturn: equinoctial elements as sums of few periodic terms, fitted to JPL's
-//! jup365 and to TASS 1.7 (`moons.csv`). From 1931 to 2068, at times outside the fit, Jupiter's moons have an error
-//! of 55 km on average (0.02 arcsec) and 131 km at most; Titan of 36 and 84 km from 1800 to 2200.
+//! jup365 and to TASS 1.7 (`moons.csv`). From 1931 to 2068, at times outside the fit, Jupiter's moons have an error of
+//! 55 km on average (0.02 arcsec) and 131 km at most. Titan has 36 and 84 km from 1800 to 2200.
 
 use std::sync::LazyLock;
 
@@ -132,7 +132,7 @@ mod tests {
         table(expected).unwrap().into_iter().map(error).collect()
     }
 
-    /// Root mean square of a moon's errors and the largest, km, and their number.
+    /// Root mean square and maximum of a moon's errors, km, and the number of errors.
     fn errors_of(moon: SolarBody, errors: &[(SolarBody, f64)]) -> [f64; 3] {
         let of_moon = errors.iter().filter(|(body, _)| *body == moon).map(|(_, km)| *km).collect::<Vec<_>>();
         let rms = (of_moon.iter().map(|km| km * km).sum::<f64>() / of_moon.len() as f64).sqrt();

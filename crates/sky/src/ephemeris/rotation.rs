@@ -177,8 +177,9 @@ mod tests {
 
     #[test]
     fn moons_turn_one_face_to_their_planet() {
-        // Degrees: mean position of the planet, not zero because meridians are defined by craters; libration in
-        // longitude, about twice the eccentricity; and libration in latitude, the tilt of the axis to the orbit.
+        // Limits in degrees. First, the mean position of the planet, which is not zero because craters define the
+        // meridians. Second, the libration in longitude, about twice the eccentricity. Third, the libration in
+        // latitude, which is the tilt of the axis to the orbit.
         let most_deg = [
             (SolarBody::Moon, [0.5, 8.5, 7.3]),
             (SolarBody::Io, [0.6, 0.7, 0.1]),

@@ -50,8 +50,8 @@ fn year_of(time_s: f64) -> f64 {
     2000.0 + time_s / JULIAN_YEAR_S
 }
 
-/// TT - UT1 after the announced leap seconds, s, by the same source as [`estimated_delta_t_s`]. Its curve for our century, of 2005, has
-/// turned out 6.5 s too high: that difference fades until the year from which it is a parabola.
+/// TT - UT1 after the announced leap seconds, s, by the same source as [`estimated_delta_t_s`]. The source's curve for our century, of 2005, has
+/// turned out 6.5 s too high. The correction for this fades to zero at the year from which the curve is a parabola.
 fn predicted_delta_t_s(year: f64) -> f64 {
     let published = |year: f64| {
         let parabola = polynomial(&[-20.0, 0.0, 32.0], (year - 1820.0) / 100.0);
@@ -136,7 +136,8 @@ mod tests {
             let estimated_s = estimated_delta_t_s((year - 2000.0) * JULIAN_YEAR_S);
             assert!((estimated_s - seconds).abs() < 0.3, "{year} {estimated_s}");
         }
-        // The published table has 203 s for 2100 and 442 s for 2200 (before the fading correction of -2.6 s and none), and 1.1 h for 3000.
+        // The published table has 203 s for 2100, 442 s for 2200 and 1.1 h for 3000. The correction, which is not in the table, is -2.6 s in 2100
+        // and zero in 2200.
         for (year, seconds) in
             [(2027.0, 69.18), (2100.0, 202.7 - 2.65), (2200.0, 442.1), (3000.0, 4435.7), (10_000.0, 214_105.0)]
         {

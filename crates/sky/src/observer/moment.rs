@@ -56,7 +56,7 @@ impl Observer {
     }
 
     /// Vantage from which stars are seen at a moment: that of the nearest midnight or noon of civil time. Aberration
-    /// changes by 0.1 arcsec until then.
+    /// changes by 0.1 arcsec within this time.
     pub fn vantage(&self, time_s: f64) -> Vantage {
         self.standpoint(Self::vantage_number(time_s) as f64 * VANTAGE_S).vantage(self.epoch.position_m)
     }
@@ -96,8 +96,8 @@ impl Moment {
     }
 
     /// Position at which a body is drawn, relative to the barycentre, ICRS axes, m, and its orientation if its
-    /// ephemeris defines one. With an observer, light time and aberration are included. The error says why kernels do
-    /// not have the body.
+    /// ephemeris defines one. With an observer, light time and aberration are included. The error says why the kernels
+    /// do not give the position.
     pub fn place(&self, ephemeris: Ephemeris, kernels: Option<&Kernels>) -> Result<(DVec3, Option<DQuat>), String> {
         match ephemeris {
             Ephemeris::Of(body) => Ok(self.placed(ephemeris, |at_s| body.barycentric_m(at_s))),
@@ -247,12 +247,12 @@ impl Frame {
     }
 }
 
-/// Rotation from a camera's axes to those of a frame, for a camera that looks to a longitude and latitude with up
-/// towards the frame's pole. `roll_rad` turns the top of its picture to the left (counter-clockwise): a position
-/// angle from the pole through increasing longitude. Angles in rad.
+/// Rotation from a camera's axes to those of a frame, for a camera that looks towards a longitude and latitude, with
+/// its up direction towards the frame's pole. `roll_rad` turns the top of its picture to the left (counter-clockwise):
+/// a position angle from the pole through increasing longitude. Angles in rad.
 pub fn frame_from_camera(longitude_rad: f64, latitude_rad: f64, roll_rad: f64) -> DQuat {
     let ahead = direction_from_lon_lat(longitude_rad, latitude_rad);
-    // Towards increasing latitude, which is defined at the poles too.
+    // The up direction is that of increasing latitude, which is defined at the poles too.
     let up = direction_from_lon_lat(longitude_rad, latitude_rad + FRAC_PI_2);
     let level = DQuat::from_mat3(&DMat3::from_cols(ahead.cross(up), up, -ahead));
     (level * DQuat::from_rotation_z(roll_rad)).normalize()

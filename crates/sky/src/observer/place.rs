@@ -45,8 +45,8 @@ pub struct Standpoint {
 }
 
 impl Place {
-    /// State of an observer here at a moment, s since 2000-01-01T12:00:00 of civil time. Polar motion, at most 0.3
-    /// arcsec, is left out.
+    /// State of an observer at this place at a moment, s since 2000-01-01T12:00:00 of civil time. Polar motion, at most
+    /// 0.3 arcsec, is left out.
     pub fn standpoint(&self, time_s: f64, clock: &Clock) -> Standpoint {
         let tt_s = clock.tt_s(time_s);
         let icrs_from_earth = icrs_from_earth(time_s, clock);
@@ -103,7 +103,7 @@ impl Standpoint {
         self.apparent_of_m(|at_s| body.barycentric_m(at_s))
     }
 
-    /// The same for a body with a position by time, relative to the barycentre, m.
+    /// The same for a body whose position relative to the barycentre, m, is given as a function of time.
     pub fn apparent_of_m(&self, barycentric_m: impl Fn(f64) -> DVec3) -> DVec3 {
         self.aberrated(astrometric_m(barycentric_m, self.position_m, self.tt_s))
     }

@@ -1,12 +1,12 @@
 //! Atmospheric refraction for an observer.
 //!
-//! R with tan R = A cos h / (s + a / (s + b / (s + c / (s + d)))), s = sin h and h the apparent altitude, is fitted
-//! to the formula of G. G. Bennett ("The calculation of astronomical refraction in marine navigation", Journal of
-//! Navigation 35, 255, 1982) with its second term, which agrees with the Nautical Almanac within 0.9 arcsec. The fit
-//! is within 0.9 arcsec from 15 degrees up, 1.8 above the horizon and 4 down to 1 degree below it. It maps directions
-//! without computing angles, in the same way as the shaders (`shaders/shared/refraction.wgsl`). For true altitudes
-//! (without air) a second set of coefficients gives the starting value of an iteration. Refraction is proportional to
-//! the density of the air at the observer.
+//! The refraction R is given by tan R = A cos h / (s + a / (s + b / (s + c / (s + d)))), where h is the apparent
+//! altitude and s = sin h. It is fitted to the formula of G. G. Bennett ("The calculation of astronomical refraction in
+//! marine navigation", Journal of Navigation 35, 255, 1982) with its second term, which agrees with the Nautical
+//! Almanac within 0.9 arcsec. The error of the fit is at most 0.9 arcsec from 15 degrees up, 1.8 arcsec above the
+//! horizon, and 4 arcsec down to 1 degree below it. The formula maps directions without computing angles, in the same
+//! way as the shaders (`shaders/shared/refraction.wgsl`). For true altitudes (without air) a second set of coefficients
+//! gives the starting value of an iteration. Refraction is proportional to the density of the air at the observer.
 
 use glam::{DMat3, DVec3};
 
@@ -16,19 +16,20 @@ use crate::{photometry::atmosphere::standard_air, units::KELVIN_OF_ZERO_CELSIUS}
 pub const OF_SEEN: [f64; 5] = [2.834e-4, 1.1994e-3, 2.3775e-3, 7.0109e-3, 0.12504];
 /// The same for the sine of the true altitude in standard air: within 7 arcsec.
 pub const OF_ARRIVING: [f64; 5] = [2.8363e-4, 1.52593e-3, 2.98557e-3, 1.174432e-2, 0.177_913_33];
-/// Below these sines, refraction is as at them.
+/// Below these sines, the formula keeps the value that it has at them.
 pub const LOWEST_SEEN: f64 = -0.0175;
 /// See [`LOWEST_SEEN`].
 pub const LOWEST_ARRIVING: f64 = -0.032;
 /// Sines between which refraction fades with depth: it is zero at the first and unreduced from the second on.
-/// Directions so low meet the ground.
+/// Such low directions meet the ground.
 pub const FADING: [f64; 2] = [-0.07, -0.02];
-/// Iterations from a true altitude to the apparent one: each leaves a fifth of the error at the horizon, far less
-/// above.
+/// Number of iterations from a true altitude to the apparent one. Each one reduces the error to a fifth at the horizon,
+/// and to far less above it.
 const STEPS: usize = 8;
 
-/// Share of the Earth's curvature by which light near the horizon bends in standard air at sea level: the dip of 1.76
-/// arcmin times the root of the height in m (Nautical Almanac) instead of 1.926 for straight lines.
+/// Curvature of light near the horizon in standard air at sea level, as a share of the Earth's curvature. It follows
+/// from the dip, which is 1.76 arcmin times the square root of the height in m (Nautical Almanac), instead of 1.926 for
+/// straight lines.
 const BENT: f64 = 0.165;
 /// Mean radius of the Earth, m.
 const EARTH_M: f64 = 6_371_000.0;
@@ -45,7 +46,7 @@ pub struct RefractingAir {
     pub temperature_c: f64,
 }
 
-/// Refraction for an eye.
+/// Refraction for an observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refraction {
     /// Unit vector to the zenith.
@@ -102,7 +103,7 @@ fn of_arriving(density: f64, sine: f64) -> f64 {
     for _ in 0..STEPS {
         let cosine = (1.0 + found * found * cosine_squared).sqrt().recip();
         let seen = (sine + found * cosine_squared) * cosine;
-        // The cosine of the apparent altitude is that of the true one times this.
+        // The cosine of the apparent altitude is that of the true one times this factor.
         let next = of_seen(density, seen) * (1.0 - sine * found) * cosine;
         // Further steps would not change it.
         if next == found {
@@ -134,8 +135,8 @@ impl Refraction {
         (direction + upwards(sine) * (self.zenith - sine * direction)).normalize() * distance
     }
 
-    /// Linear map from true to apparent directions around a direction, within an angle: it turns the centre, and
-    /// compresses the surroundings as much as their edge.
+    /// Linear map from true to apparent directions, for the directions within an angle from a given one. It rotates the
+    /// given direction as refraction does, and compresses its surroundings as much as refraction does at their edge.
     pub fn around(&self, arriving: DVec3, radius_rad: f64) -> DMat3 {
         let middle = arriving.normalize();
         let level = self.zenith.cross(middle).try_normalize().unwrap_or_else(|| middle.any_orthonormal_vector());
@@ -149,10 +150,10 @@ impl Refraction {
         seen * DMat3::from_cols(middle, level, upwards).transpose()
     }
 
-    /// Upper bound of the refraction within a cone, rad: an angle from its axis.
+    /// Upper bound of the refraction, rad, within a cone of a half-angle around an axis.
     pub fn most_rad(&self, axis: DVec3, half_angle_rad: f64) -> f64 {
         let lowest = (axis.dot(self.zenith).clamp(-1.0, 1.0).asin() - half_angle_rad).max(LOWEST_ARRIVING);
-        // Below that, refraction fades; above, it is smaller.
+        // Below this altitude refraction fades, and above it is smaller.
         (of_arriving(self.density, lowest.sin()) * lowest.cos()).atan() * 1.01
     }
 }
@@ -248,7 +249,7 @@ mod tests {
             let off = (map * limb).angle_between(refraction.seen(limb)) / ARCSECOND_RAD;
             assert!(off < 20.0, "{turn}: {off} arcsec");
         }
-        // The Sun on the horizon is a sixth less high than wide.
+        // The height of the Sun on the horizon is a sixth less than its width.
         let up = map * middle.cross(DVec3::Z).normalize();
         assert!((0.78..0.88).contains(&up.length()), "{}", up.length());
         assert!(((map * DVec3::Z).length() - 1.0).abs() < 1e-3);

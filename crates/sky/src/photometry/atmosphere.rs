@@ -44,7 +44,7 @@ const STANDARD_LAYERS: [[f64; 2]; 5] =
     [[0.0, -6.5e-3], [11_000.0, 0.0], [20_000.0, 1e-3], [32_000.0, 2.8e-3], [47_000.0, 0.0]];
 /// Weight of a mole of air divided by the gas constant, K/m.
 const KELVIN_PER_M: f64 = 0.034_163_2;
-/// Lower heights have the air of this one, m.
+/// Lowest height, m; lower heights have the air of this one.
 const LOWEST_M: f64 = -1000.0;
 
 /// 10^(-0.4 m) = 2^(-LOG2_PER_MAG m).
@@ -53,8 +53,8 @@ const LOG2_PER_MAG: f64 = 0.4 * std::f64::consts::LOG2_10;
 /// An optical depth of 1, in magnitudes.
 const MAG_PER_DEPTH: f64 = 1.085_736;
 
-/// Measured luminance of the zenith in twilight relative to the model: altitude of the source in degrees, and
-/// logarithm.
+/// Measured luminance of the zenith in twilight relative to the model: altitude of the source in degrees, and logarithm
+/// of the ratio.
 const TWILIGHT: [[f64; 2]; 9] = [
     [-18.0, 0.64],
     [-16.0, 0.74],
@@ -157,9 +157,10 @@ impl Air {
             aerosol: depth(aerosol),
             ozone: depth(ozone),
             height_km,
-            // Close to the sea there is no air below that matters, and the quotient is not defined at it.
+            // Close to sea level, the air below the observer does not matter. At sea level, the quotient is not
+            // defined.
             molecules_below_km: if height_km > 0.01 { -height_km / pressure.ln() } else { MOLECULES_KM },
-            // Below haze that is denser than clear air at sea level, the haze has the same density.
+            // If the haze at the observer is denser than in clear air at sea level, it has the same density below.
             most_haze_below: (AEROSOL_MAG / aerosol_v).max(1.0),
         };
         Self {
@@ -308,8 +309,8 @@ mod tests {
             [90.0, 45.0, 5.0, -1.0].map(|altitude_deg| seen_cd_m2(&air, altitude_deg))
         });
         println!("zenith, 45, 5 and -1 degrees at {heights:?} m: {seen:.3?} cd/m^2");
-        // Light is scattered once, by a column in proportion to the pressure: 1.163 to 1.190 kcd/m^2 for that of sea
-        // level.
+        // Light is scattered once, by a column in proportion to the pressure: 1.163 to 1.190 kcd/m^2 for the pressure
+        // at sea level.
         for (height_m, [zenith, ..]) in heights.iter().zip(seen) {
             let at_sea_pressure = zenith / pressure_share(*height_m);
             assert!((1.12e3..1.24e3).contains(&at_sea_pressure), "{height_m}: {zenith} {at_sea_pressure}");
@@ -352,7 +353,7 @@ mod tests {
                 if altitude >= 5.0 {
                     assert!((1.0 / 1.5..1.5).contains(&(found / published)), "{altitude}: {found} {published}");
                 }
-                // In the lowest degrees the air is opaque, which the formula does not know: there the sky has the mean
+                // In the lowest degrees the air is opaque, which the formula ignores: there the sky has the mean
                 // luminance of the sky and ground around the air.
                 assert!(found > 0.6 && found < 2.3, "{altitude}: {found}");
                 if altitude <= 2.0 {
@@ -403,8 +404,8 @@ mod tests {
 
     #[test]
     fn the_sky_in_twilight_gives_the_ground_its_published_illuminance() {
-        // P. K. Seidelmann, "Explanatory Supplement", 1992, table 9.311, lx; at 18 degrees of depression the airglow and
-        // the stars.
+        // P. K. Seidelmann, "Explanatory Supplement", 1992, table 9.311, lx; at 18 degrees of depression the light is
+        // that of the airglow and the stars.
         let air = air();
         for (sun_deg, published_lx) in [(-6.0, 3.4), (-12.0, 8.1e-3), (-18.0, 6.5e-4)] {
             let sun = f64::to_radians(sun_deg);

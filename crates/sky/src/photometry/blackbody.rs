@@ -221,8 +221,8 @@ mod tests {
 
     #[test]
     fn colours_match_the_reference() {
-        // The remaining difference is the reference's luminance weights, for a white with one digit more: 3.4e-4 of
-        // 4.6 at 1000 K.
+        // The remaining difference comes from the luminance weights of the reference, whose white has one digit more:
+        // 3.4e-4 of 4.6 at 1000 K.
         let worst = worst_channel_error(rec709_at_unit_luminance);
         println!("largest error of a channel: {worst:.2e}");
         assert!(worst < COLOUR_LIMIT, "{worst}");
@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn normalising_to_the_largest_channel_would_dim_cool_stars() {
-        // 2300 K against 6500 K, in magnitudes: the figure in the module head.
+        // 2300 K against 6500 K, in magnitudes: the figure at the top of the module.
         let max = |t: f64| -> f64 { rec709_at_unit_luminance(t).into_iter().fold(0.0, f64::max) };
         let magnitudes: f64 = 2.5 * (max(2300.0) / max(6500.0)).log10();
         assert!((magnitudes - 0.83).abs() < 0.01, "{magnitudes}");

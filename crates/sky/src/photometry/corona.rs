@@ -3,8 +3,8 @@
 //! edition, section 84), the same in all directions. It has 1.1e-6 of the Sun's light, half that of the full Moon,
 //! and is visible when a moon or the ground hides the Sun.
 
-/// Terms of its luminance at the limb relative to the mean of the disc, each with the exponent of its decrease with
-/// distance: dust, then electrons twice.
+/// Terms of the corona's luminance: the value at the limb relative to the mean of the disc, and the exponent of the
+/// decrease with distance. The first term is for dust, the other two are for electrons.
 pub const TERMS: [[f64; 2]; 3] = [[5.32e-8, 2.5], [1.425e-6, 7.0], [2.565e-6, 17.0]];
 /// Distance from which it fades out, radii of the Sun.
 pub const FADES: f64 = 4.0;
@@ -37,7 +37,7 @@ mod tests {
         let share: f64 = (0..steps).map(ring).sum();
         let magnitude = -26.74 - 2.5 * share.log10();
         println!("{share:.3e} of the Sun's light, V = {magnitude:.2}");
-        // Without an end it would have 1.125e-6. The full Moon has V = -12.7.
+        // If the corona had no end, it would have 1.125e-6 of the Sun's light. The full Moon has V = -12.7.
         assert!((share - 1.065e-6).abs() < 0.003e-6, "{share}");
         assert!((-12.1..-11.7).contains(&magnitude));
         assert_eq!([0.99, OUTER, 50.0].map(over_disc), [0.0; 3]);

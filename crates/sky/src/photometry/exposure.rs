@@ -11,9 +11,9 @@
 //! A scene of uniform luminance is therefore displayed at 0.125 / 1.2 = 10.4 % of white: [`STANDARD_KEY`]. Another
 //! share of white, the key, is equivalent to a compensation ([`key_compensation_ev`]).
 //!
-//! A night sky has no such mean: that of a dark sky is a thousandth of the luminance of its stars' pixels, and it
-//! changes with the catalogue. Its exposure is chosen so that stars of a certain magnitude are just visible
-//! ([`limiting_ev100`]).
+//! The mean of a night sky is not suitable: it is a thousandth of the luminance of the stars' pixels if the sky is
+//! dark, and it changes with the catalogue. Its exposure is chosen so that stars of a certain magnitude are just
+//! visible ([`limiting_ev100`]).
 //!
 //! Units: cd/m^2, EV100, lx, sr, magnitudes.
 

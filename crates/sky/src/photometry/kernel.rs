@@ -13,7 +13,7 @@ pub const BRIGHT_KERNEL_PIXELS: i64 = 7;
 
 /// The kernel of stars so bright that the B-spline would visibly flicker, around `centre` (continuous pixel
 /// coordinates). Along each axis it is a mixture of the B-spline and a Gaussian (with the share `part`) on seven
-/// pixels, divided by its sum. Column, row, weight.
+/// pixels, divided by its sum. The items are column, row and weight.
 pub fn bright_kernel(part: f64, centre: DVec2) -> Vec<(i64, i64, f64)> {
     let spline = |offset: f64| match offset {
         near if near < 0.5 => 0.75 - near * near,

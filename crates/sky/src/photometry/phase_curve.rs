@@ -15,7 +15,7 @@ use crate::{
     units::{ASTRONOMICAL_UNIT_M, JULIAN_YEAR_S},
 };
 
-/// V magnitude of the Sun at one astronomical unit: absolute magnitude 4.83, as of the preset.
+/// V magnitude of the Sun at one astronomical unit: absolute magnitude 4.83, as in the preset.
 const SUN_V: f64 = -26.742;
 /// First and last year of the change of Neptune's brightness, and its amount, magnitudes.
 const NEPTUNE_YEARS: [f64; 2] = [1980.0, 2000.0];

@@ -34,7 +34,8 @@ pub const OUTER: f64 = ZONES[3].outer;
 const LEAST_COSINE: f64 = 1e-3;
 
 impl Zone {
-    /// Share of its light that the zone reflects per sr, relative to a white surface that faces both, times 1 / pi.
+    /// Luminance of the zone relative to that of a white surface that faces both the Sun and the eye; times 1 / pi, it
+    /// is the share of the light that is reflected per sr.
     pub fn reflected(&self, mu_eye: f64, mu_sun: f64) -> f64 {
         self.albedo * mu_sun / (4.0 * (mu_eye + mu_sun)) * -(-self.depth * (1.0 / mu_eye + 1.0 / mu_sun)).exp_m1()
     }
@@ -45,8 +46,9 @@ impl Zone {
     }
 }
 
-/// Illuminance that rings of unit light give an eye at a distance, in equatorial radii: the divisor of their
-/// luminance. `None` if they are seen or lit edge-on.
+/// Illuminance at an eye from rings whose luminance is [`Zone::reflected`]; the luminance for a given illuminance is
+/// obtained by dividing by it. `radius_over_distance` is Saturn's equatorial radius over the distance of the eye.
+/// `None` if the rings are seen or lit edge-on.
 pub fn illuminance_of_unit(mu_eye: f64, mu_sun: f64, radius_over_distance: f64) -> Option<f64> {
     if mu_eye < LEAST_COSINE || mu_sun < LEAST_COSINE {
         return None;

@@ -140,7 +140,7 @@ struct Medium {
 impl Depths {
     fn medium(&self, height_km: f64) -> Medium {
         let above_km = height_km - self.height_km;
-        // A line of sight below the horizon of a high position passes denser air than that of the position.
+        // A line of sight below the horizon of a high position passes denser air than the air at the position.
         let scale_km = if above_km < 0.0 { self.molecules_below_km } else { MOLECULES_KM };
         let thin = (-above_km / scale_km).exp() / MOLECULES_KM;
         let hazy = (-above_km / AEROSOL_KM).exp().min(self.most_haze_below) / AEROSOL_KM;
@@ -367,7 +367,8 @@ impl SkyLight {
             let many = if orders == Orders::All { self.many_at(height, sine) } else { [0.0; 3] };
             for c in 0..3 {
                 let passed = (-medium.extinction[c] * length_km).exp();
-                // Visible share of each km, for a uniform step.
+                // Length of the step, km, weighted by the share of its light that is visible; the air is uniform within
+                // a step.
                 let seen_km = open[c]
                     * if medium.extinction[c] > 1e-12 { (1.0 - passed) / medium.extinction[c] } else { length_km };
                 let scatters = medium.molecules[c] + medium.aerosol[c];
@@ -444,8 +445,8 @@ impl SkyTable {
         nodes.map(|(smooth, aerosol)| rec709::luminance(each(|c| smooth[c] + aerosol[c]))).fold(0.0, f64::max)
     }
 
-    /// The table for sources at all azimuths at an altitude, rad, from this table of one of them, scaled so that a
-    /// level surface gets 1 lx; it does not depend on azimuth.
+    /// Returns the table for sources at all azimuths at an altitude, rad, from this table for one of them. The result
+    /// is scaled so that a level surface gets 1 lx, and does not depend on azimuth.
     pub fn all_around(&self, source_rad: f64) -> Self {
         let even = self.even(source_rad);
         let level_lx = even.level_lx_of_even();
@@ -454,8 +455,8 @@ impl SkyTable {
         Self { smooth: even.smooth.into_iter().map(|rgb| rgb.map(|channel| channel * scale)).collect(), ..even }
     }
 
-    /// Illuminance of a level surface by this sky, without the source itself, which is at an altitude, rad, and gives
-    /// 1 lx: lx.
+    /// Illuminance of a level surface by this sky, lx, for a source of 1 lx at an altitude, rad. The direct light of
+    /// the source is not included.
     pub fn level_lx(&self, source_rad: f64) -> f64 {
         self.even(source_rad).level_lx_of_even()
     }

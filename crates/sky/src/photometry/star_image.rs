@@ -1,4 +1,4 @@
-//! The image for `sprite`.
+//! The star image of the method `sprite`.
 
 use glam::DVec2;
 
@@ -7,7 +7,7 @@ use super::psf::bilinear;
 /// Texels along a side of the generated sprite.
 pub const SPRITE_SIZE: u32 = 64;
 
-/// A square image of a star, as billboards read it.
+/// A square image of a star, in the form that billboards read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StarImage {
     /// Texels along each side.

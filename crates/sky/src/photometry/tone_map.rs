@@ -23,7 +23,8 @@ use super::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, white_luminance_cd_m2};
 pub use super::rec709::luminance;
 use crate::ranges::{KeyEffects, Obstacle};
 
-/// Brighter light is clamped to this, cd/m^2 and units of display white: sums of three stay finite in f32 too.
+/// Brighter light is clamped to this, both in cd/m^2 and in units of display white. Sums of three such values stay
+/// finite in f32 too.
 pub const BRIGHTEST: f64 = 1e30;
 
 /// Display value of linear `value`: the sRGB transfer curve (IEC 61966-2-1). Not clipped; NaN gives NaN.
@@ -156,7 +157,7 @@ impl ToneMapSettings {
             return by_channel;
         }
         let linear = by_channel.map(linear_from_srgb);
-        // Curves by channel define their luminance only by their result.
+        // Curves that act on each channel define a luminance only by their result.
         let wanted = match self.operator {
             ToneMapOperator::Filmic | ToneMapOperator::Aces => luminance(linear),
             ToneMapOperator::Srgb | ToneMapOperator::Calibrated => luminance(value),

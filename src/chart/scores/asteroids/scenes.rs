@@ -53,7 +53,7 @@ pub struct Cell {
     pub middles: Vec<DVec2>,
 }
 
-/// See the module head.
+/// The scenes of a view: see the module documentation.
 pub struct AsteroidScenes {
     pub rig: Rig,
     pub viewports: Vec<Viewport>,

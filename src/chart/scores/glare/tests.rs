@@ -31,7 +31,7 @@ fn scenes_of(view: ViewShape) -> GlareScenes {
     GlareScenes::new(view, &ScoredSky { records: &records, pixels: 200 }, kernel).unwrap()
 }
 
-/// Error of a picture computed in f64.
+/// Error that is introduced into a picture computed in f64.
 #[derive(Clone, Copy, PartialEq)]
 enum Wrong {
     Nothing,

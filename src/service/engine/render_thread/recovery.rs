@@ -11,7 +11,7 @@ use crate::service::{
     frames::{errors::RenderFailure, schedule::Revisions},
 };
 
-/// Number of consecutive losses of the engine after which its frames are not repeated.
+/// Number of consecutive losses of the engine after which the lost frames are not drawn again.
 const MOST_LOSSES: u32 = 3;
 /// Delays before the attempts to reopen a lost engine: a driver that resets its device needs time.
 const REOPENS: [Duration; 6] = [
@@ -34,7 +34,7 @@ impl Worker {
         let mut jobs: Vec<Job> = self.in_flight.drain(..).map(|frame| frame.job).chain([job]).collect();
         jobs.sort_by_key(|job| job.start);
         let reopened = self.reopen();
-        // A scene that loses every device is not drawn again: the thread waits for the next change.
+        // If the device is lost each time that this scene is drawn, do not draw it again: the thread waits for the next change.
         let draws_again = reopened && self.losses < MOST_LOSSES;
         for job in jobs.into_iter().rev() {
             match (reopened, draws_again) {

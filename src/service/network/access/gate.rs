@@ -32,7 +32,7 @@ use crate::{
     },
 };
 
-/// Bytes of a path in messages: longer than those of all calls.
+/// Maximum bytes of a path in messages: more than the path of any call has.
 const MOST_PATH: usize = 128;
 
 /// The authenticated caller of a request; requests that need a role carry it.
@@ -64,7 +64,7 @@ impl Caller {
 #[derive(Clone)]
 pub(crate) struct Gate {
     access: watch::Receiver<Arc<Access>>,
-    /// Reason why calls that change something are refused; `None`: they are not.
+    /// Reason why calls that change something are refused; `None`: they are accepted.
     led: Option<Arc<str>>,
 }
 

@@ -145,7 +145,7 @@ impl Access {
         ))
     }
 
-    /// Returns what is wrong with the certificates or soon will be.
+    /// Returns present and imminent problems of the certificates.
     pub(crate) fn warnings(&self, now: SystemTime) -> Vec<String> {
         let unnamed = self.uncertified_hosts.iter();
         let unnamed = unnamed.map(|host| {

@@ -26,7 +26,7 @@ fn read(key: &str, path: &Path) -> Result<Vec<u8>, String> {
     Ok(text.strip_prefix(b"\xef\xbb\xbf").map(<[u8]>::to_vec).unwrap_or(text))
 }
 
-/// Why a file in PEM with a private key cannot be read, for people.
+/// Describes why a file in PEM with a private key cannot be read.
 fn key_fault(text: &[u8], error: &dyn std::fmt::Display) -> String {
     let has = |word: &str| text.windows(word.len()).any(|part| part == word.as_bytes());
     if has("ENCRYPTED") {

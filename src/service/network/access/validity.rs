@@ -13,12 +13,12 @@ const DAY_S: u64 = 86_400;
 /// Longer than certificates can last: to the year 9999.
 const FOREVER: Duration = Duration::from_secs(8000 * 366 * DAY_S);
 
-/// The first and the last moment of a certificate, or of all in a chain.
+/// The first and the last moment at which a certificate, or every certificate of a chain, is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Validity {
     from: SystemTime,
     until: SystemTime,
-    /// Numbers in their chain of the certificates that are valid last and that end first; 0: the owner's own.
+    /// Positions in the chain of the certificate that becomes valid last and of the one that expires first; 0: the owner's own certificate.
     places: [usize; 2],
 }
 
@@ -62,7 +62,7 @@ impl Validity {
     ///
     /// # Errors
     ///
-    /// It is no certificate, or its times are before 1970.
+    /// It is not a certificate, or its times are before 1970.
     pub(super) fn of(certificate: &[u8]) -> Result<Self, String> {
         read(certificate).map_err(|error| format!("the time in which it is valid cannot be read: {error}"))
     }
@@ -98,13 +98,13 @@ impl Validity {
     ///
     /// # Errors
     ///
-    /// It is not yet valid, or has expired: says since or until when.
+    /// It is not yet valid, or has expired; the error states since when or until when.
     pub(crate) fn check(&self, now: SystemTime) -> Result<(), String> {
         let days = |time: Duration| time.as_secs().div_ceil(DAY_S);
         if let Ok(wait) = self.from.duration_since(now)
             && !wait.is_zero()
         {
-            return Err(format!("{} is valid only in {} days", named(self.places[0]), days(wait)));
+            return Err(format!("{} becomes valid in {} days", named(self.places[0]), days(wait)));
         }
         match now.duration_since(self.until) {
             Ok(gone) if !gone.is_zero() => Err(format!("{} expired {} days ago", named(self.places[1]), days(gone))),
@@ -112,7 +112,7 @@ impl Validity {
         }
     }
 
-    /// Returns what is wrong with it or soon will be.
+    /// Returns a present or imminent problem.
     pub(crate) fn warning(&self, now: SystemTime) -> Option<String> {
         if let Err(problem) = self.check(now) {
             return Some(format!("server.tls.certificate: {problem}: clients refuse it"));
@@ -149,10 +149,10 @@ mod tests {
             assert_eq!(validity, Validity { from: at(0), until: at(days), places: [0; 2] });
             assert_eq!(validity.left_s(at(days - 1)), 86_400.0);
             assert_eq!(validity.left_s(at(days + 1)), -86_400.0);
-            assert_eq!(validity.check(at(-2)).unwrap_err(), "it is valid only in 2 days");
+            assert_eq!(validity.check(at(-2)).unwrap_err(), "it becomes valid in 2 days");
             assert_eq!(validity.check(at(days + 3)).unwrap_err(), "it expired 3 days ago");
             for (day, part) in [
-                (-2, Some("valid only in 2 days")),
+                (-2, Some("becomes valid in 2 days")),
                 (0, None),
                 (days - 15, None),
                 (days - 13, Some("expires in 13 days")),
@@ -163,7 +163,7 @@ mod tests {
                 assert!(part.is_none_or(|part| warning.unwrap().contains(part)), "{day}");
             }
         }
-        // A chain lasts from the last beginning to the first end.
+        // A chain is valid from the latest start to the earliest end of its certificates.
         let lasting = |from: i32, until: i32| {
             let mut params = CertificateParams::new(["localhost".to_owned()]).unwrap();
             (params.not_before, params.not_after) = (date_time_ymd(from, 1, 1), date_time_ymd(until, 1, 1));
@@ -172,7 +172,7 @@ mod tests {
         let chain = Validity::of_chain(&[lasting(2020, 2052), lasting(2020, 2021), lasting(2019, 2060)]).unwrap();
         assert_eq!(chain, Validity { from: at(0), until: at(366), places: [0, 1] });
         assert_eq!(chain.check(at(369)).unwrap_err(), "certificate 2 of its chain expired 3 days ago");
-        assert_eq!(chain.check(at(-2)).unwrap_err(), "it is valid only in 2 days");
+        assert_eq!(chain.check(at(-2)).unwrap_err(), "it becomes valid in 2 days");
         assert!(chain.warning(at(360)).unwrap().contains("certificate 2 of its chain expires in 6 days"));
         // A client's certificate.
         let client = Validity::of(&lasting(2020, 2021)).unwrap();

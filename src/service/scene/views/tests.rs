@@ -86,7 +86,7 @@ fn any_view_of_a_group_changes_the_shared_exposure() {
     let brighter = changed(&both, 2, exposed("ev100 = 1.0")).unwrap();
     assert_eq!([0, 2].map(|view| brighter.settings[view].exposure), [ExposureSettings::manual(1.0); 2]);
     assert_eq!(brighter.settings[1], before.settings[1]);
-    // A view that leaves takes nothing along, and the group stays as it is.
+    // A view that leaves a group loses the exposure of the group, and the group stays unchanged.
     let left = changed(&brighter, 0, join("")).unwrap();
     assert_eq!(left.settings[0], before.settings[0]);
     assert_eq!(left.settings[2].exposure, ExposureSettings::manual(1.0));
@@ -128,7 +128,7 @@ fn a_new_method_drops_useless_keys_but_refuses_requested_ones() {
     let gaussians = changed(&cie, 0, glare("kernel = 'gaussians'")).unwrap();
     assert_eq!(gaussians.own_keys(0), ["glare.fraction", "glare.kernel"]);
     assert_eq!(changed(&cie, 0, glare("method = 'none'")).unwrap().own_keys(0), ["glare.method"]);
-    // The general value applies again, and the keys that belonged to the own one lose their effect.
+    // The general kernel applies again, and the keys that belonged to the view's own kernel lose their effect.
     let update = ViewUpdate { glare: clear("kernel"), ..ViewUpdate::default() };
     assert_eq!(changed(&cie, 0, update).unwrap().own_keys(0), ["glare.fraction"]);
     let absolute = changed(&cie, 0, glare("absolute = true")).unwrap();

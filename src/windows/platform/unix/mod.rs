@@ -25,7 +25,7 @@ pub(in crate::windows) fn on_any_thread<T>(builder: &mut EventLoopBuilder<T>) {
     EventLoopBuilderExtWayland::with_any_thread(builder, true);
 }
 
-/// Returns the window in the form of which surfaces can be created on any thread.
+/// Returns the window in a form from which surfaces can be created on any thread.
 pub(in crate::windows) fn surface_target(window: Arc<Window>) -> impl Into<wgpu::SurfaceTarget<'static>> {
     window
 }

@@ -1,4 +1,4 @@
-//! The sections that say how frames are drawn.
+//! The sections that define how frames are drawn.
 
 use super::*;
 

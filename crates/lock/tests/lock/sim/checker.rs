@@ -10,22 +10,22 @@ use super::setup::MS;
 pub enum Violation {
     ShownWithoutCommit,
     ShownOutsideMask,
-    /// Shown before the device had finished, or without any drawing.
+    /// A picture was shown before the GPU had finished, or without any drawing.
     ShownUnfinished,
     /// A node went back to an older frame.
     ShownOutOfOrder,
-    /// More than half a period away from the time of presentation.
+    /// A picture was shown more than half a period away from its time of presentation.
     ShownAtAnotherTime,
     ReadyBeforeDrawn,
-    /// A vote in a lower epoch than an earlier vote of the same node.
+    /// A node voted in a lower epoch than before.
     VotedBack,
     CommitWithoutVotes,
     CommitWithoutQuorum,
     /// Two COMMITs of one frame differ.
     CommitChanged,
-    /// Two frames for one time of presentation.
+    /// Two frames have the same time of presentation.
     SlotShared,
-    /// Two directors committed side by side.
+    /// Two directors committed frames at the same time.
     EpochsInterleave,
     /// A node drew a state although it had heard a newer one.
     OldStateDrawn,
@@ -36,7 +36,7 @@ pub enum Violation {
 pub struct Committed {
     pub commit: Commit,
     pub sent_ns: u64,
-    /// True time of presentation; on receipt: when it was sent.
+    /// True time of presentation, or the time of sending if the frame is shown on receipt.
     pub slot_ns: i64,
     /// Nodes and true times at which it was shown.
     pub shows: Vec<(usize, u64)>,
@@ -46,7 +46,7 @@ pub struct Committed {
 pub struct Checker {
     rules: Rules,
     tai_origin_ns: i64,
-    /// Sum of all clock errors that may add up.
+    /// Largest possible sum of clock errors.
     tolerance_ns: i64,
     pub committed: BTreeMap<FrameId, Committed>,
     votes: HashMap<(usize, FrameId), u64>,
@@ -54,7 +54,7 @@ pub struct Checker {
     newest_vote: HashMap<usize, FrameId>,
     newest_shown: HashMap<usize, FrameId>,
     newest_state: HashMap<usize, FrameId>,
-    /// Whether slots are compared: not while a director's clock is wrong.
+    /// Whether times of presentation are compared; they are not while a director's clock is wrong.
     pub compares_slots: bool,
     pub found: BTreeMap<Violation, u64>,
 }
@@ -183,7 +183,7 @@ impl Checker {
         }
     }
 
-    /// Number of frames that a node in the mask did not show.
+    /// Number of frames that nodes in the mask did not show.
     pub fn not_shown(&self) -> usize {
         self.committed.values().map(|known| known.commit.mask.len().saturating_sub(known.shows.len())).sum()
     }

@@ -1,9 +1,9 @@
-//! Delays by their quantiles.
+//! Distributions of delays, given by quantiles.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// A distribution through given quantiles: between them the logarithm of the value is linear in -ln(1 - q), above the last one it is constant.
+/// A distribution through given quantiles. Between them the logarithm of the value is linear in -ln(1 - q); above the last one it is constant.
 #[derive(Clone, Debug)]
 pub struct Quantiles(Vec<(f64, f64)>);
 
@@ -22,7 +22,7 @@ impl Quantiles {
         ])
     }
 
-    /// Delay of one message, from figures of the time until *all* of six nodes are READY (ms: median, 99 %, maximum of 3,600 frames). A node alone
+    /// Delay of one message, from figures of the time until *all* of six nodes are READY (ms: median, 99 %, maximum of 3,600 frames). A single node
     /// exceeds a time with a sixth of that probability, and each of its two messages with half of that.
     pub fn of_all_ready_ms([median, p99, maximum]: [f64; 3]) -> Self {
         let point = |all, ms: f64| (Self::of_one_message(all), (ms - median * 0.5) * 1e6);
@@ -30,7 +30,7 @@ impl Quantiles {
         Self::new(&[(0.0, median * 0.25e6), (0.85, median * 0.5e6), tail[0], tail[1]])
     }
 
-    /// Time for which a process waits for a busy processor: what it adds to the figures of an idle one.
+    /// Time for which a process waits for a busy processor: the difference between its figures and those of an idle one.
     pub fn of_stalls_ms([_, p99, maximum]: [f64; 3], [_, idle_p99, idle_maximum]: [f64; 3]) -> Self {
         let point = |all, ms: f64| (Self::of_one_message(all), ms * 1e6);
         let tail = [point(0.99, p99 - idle_p99), point(1.0 - 1.0 / 3600.0, maximum - idle_maximum)];

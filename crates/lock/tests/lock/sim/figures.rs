@@ -10,15 +10,15 @@ use super::{
     world::World,
 };
 
-/// Measured on two cores with six node processes: each further node adds this to the time until all are READY, ns: (2.0 - 0.46) ms / 24.
+/// Time that each further node adds until all are READY, ns. Measured on two cores with six node processes: (2.0 - 0.46) ms / 24.
 pub const MEASURED_PER_NODE_NS: u64 = 64_000;
-/// Time that the other side of a killed process takes to notice, and time of its restart, ns.
+/// Time until the other side notices that a process was killed, and time until the process starts again, ns.
 const NOTICED_NS: u64 = 17 * MS;
 const RESTART_NS: u64 = 500 * MS;
 /// The director's processes are absent for this time when they are killed, ns.
 const DIRECTOR_ABSENT_NS: u64 = 200 * MS;
 
-/// How busy the processors are. Times until all of six nodes are READY, ms: median, 99 %, maximum.
+/// Load of the processors, with measured times until all of six nodes are READY, ms: median, 99 %, maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Load {
     /// Measured: 0.46, 0.70, 1.9.
@@ -42,7 +42,7 @@ impl Load {
     }
 }
 
-/// A cluster on measured delays.
+/// A cluster with measured delays.
 #[derive(Clone, Copy, Debug)]
 pub struct Cluster {
     pub rules: Rules,
@@ -61,7 +61,7 @@ pub struct Cluster {
 
 impl Cluster {
     fn setup(&self) -> Setup {
-        // The measured times contain the copies of six nodes.
+        // The measured times include the copies of a message to six nodes.
         let of_copies_ms = 6.0 * MEASURED_PER_NODE_NS as f64 / 1e6;
         let idle = Load::Idle.all_ready_ms();
         let delay = Quantiles::of_all_ready_ms(idle.map(|ms| ms - of_copies_ms));
@@ -93,7 +93,7 @@ impl Cluster {
         let end_ns = self.seconds * SECOND;
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         let mut world = World::new(self.setup());
-        // Nodes of the first third are killed; gaps are those of the others.
+        // Nodes of the first third are killed; gaps are measured on the others.
         let killed = (world.nodes.len() / 3).max(1);
         for kill in 0..self.kills {
             let slot_ns = end_ns.saturating_sub(3 * SECOND) / self.kills;
@@ -111,28 +111,28 @@ impl Cluster {
     }
 }
 
-/// Figures of the nodes that are never killed; times in ns.
+/// Figures of the nodes that are never killed. Times are in ns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figures {
     pub nodes: usize,
-    /// Pictures per second and node, from the first one on.
+    /// Pictures per second of a node, from the first one on.
     pub frames_per_s: f64,
     /// Share of the frames of the director that a node did not show.
     pub dropped: f64,
-    /// Of these, the share of frames that were skipped for all.
+    /// The part of this share that was skipped for all nodes.
     pub skipped: f64,
     /// Difference between the first and the last node that shows a frame: median, 99 %, maximum.
     pub skew_ns: [u64; 3],
-    /// From STATE to COMMIT if all nodes were READY: the same. Includes drawing.
+    /// Time from STATE to COMMIT if all nodes were READY, including drawing: median, 99 %, maximum.
     pub all_ready_ns: [u64; 3],
     pub longest_gap_ns: u64,
-    /// From the start of a killed node to its first picture: median and maximum.
+    /// Time from the restart of a killed node to its first picture: median and maximum.
     pub recovery_ns: [u64; 2],
     /// Longest gap when the director is killed and starts again.
     pub director_gap_ns: u64,
-    /// Times that a node was left out, besides kills.
+    /// Number of times that a node was left out without being killed.
     pub left_out: u64,
-    /// Violations that the checker has found.
+    /// Number of violations that the checker has found.
     pub violations: u64,
 }
 

@@ -1,4 +1,4 @@
-//! What a simulated cluster consists of, and what happens to it.
+//! Parts of a simulated cluster, and the faults that are injected into it.
 
 use steradian_lock::Rules;
 
@@ -7,13 +7,13 @@ use super::delays::Quantiles;
 pub const MS: u64 = 1_000_000;
 pub const SECOND: u64 = 1_000 * MS;
 
-/// What happens to a lost message.
+/// Treatment of a lost message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OnLoss {
     /// It never arrives.
     Gone,
-    /// It is sent again when a later one has arrived, or after this time, doubled each time; all later messages of the connection wait for it, as
-    /// in TCP. Such connections keep their order and repeat nothing.
+    /// As in TCP, it is sent again when a later one has arrived, or after this time, which doubles at each attempt. All later messages of the
+    /// connection wait for it. Such connections keep the order and deliver nothing twice.
     Again { timeout_ns: u64 },
 }
 
@@ -27,7 +27,7 @@ pub struct Network {
     pub duplicates: f64,
     /// Whether messages of a connection keep their order.
     pub in_order: bool,
-    /// Share of the messages sent into a cut connection that arrives after it is whole again.
+    /// Share of the messages sent during a cut that still arrive after the connection is restored.
     pub kept_by_cut: f64,
 }
 
@@ -40,13 +40,13 @@ pub enum Mutation {
     NothingShown,
     /// Nodes report READY when drawing begins.
     ReadyTooEarly,
-    /// Nodes show frames that were committed without them.
+    /// Nodes show frames even if the COMMIT does not name them.
     MaskIgnored,
     /// Nodes act after each message instead of draining their queue.
     Backlog,
     /// Nodes vote for two directors at once.
     TwoPromises,
-    /// Directors take part in a quorum for all nodes that they do not reach.
+    /// Directors count votes for all nodes that they do not reach.
     NoQuorum,
 }
 
@@ -57,7 +57,7 @@ pub struct Setup {
     pub network: Network,
     /// Duration of drawing.
     pub draw: Quantiles,
-    /// Delay of a process that is woken by its timer.
+    /// Delay after which a timer wakes a process.
     pub timer: Quantiles,
     /// Time for which a woken process waits for a processor.
     pub stall: Option<Quantiles>,
@@ -69,7 +69,7 @@ pub struct Setup {
     pub mutation: Option<Mutation>,
 }
 
-/// What happens at a given time.
+/// Faults and repairs, injected at a given time.
 #[derive(Clone, Debug)]
 pub enum Fault {
     /// The process ends and starts again after this time.

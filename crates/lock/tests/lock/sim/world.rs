@@ -52,7 +52,7 @@ enum Event {
     },
     StartNode(usize),
     StartDirector(usize),
-    /// A transmission on a connection with [`OnLoss::Again`] arrives, or its time-out ends.
+    /// A message on a connection with [`OnLoss::Again`] arrives, or its time-out expires.
     Arrived {
         connection: Route,
         life: u64,
@@ -65,7 +65,7 @@ enum Event {
         number: u64,
         attempt: u32,
     },
-    /// The other side notices that a node has no connection to a director any more, or has one again.
+    /// The other side notices that the connection between a node and a director was lost or restored.
     Lost {
         director: usize,
         node: usize,
@@ -100,7 +100,7 @@ impl Ord for Scheduled {
     }
 }
 
-/// Clock and fate of a process.
+/// Clock and state of a process.
 #[derive(Clone, Debug)]
 struct Process {
     /// Changes when the process ends or starts.
@@ -123,7 +123,7 @@ impl Process {
 #[derive(Debug)]
 pub struct NodeProcess {
     process: Process,
-    /// One state machine; with [`Mutation::TwoPromises`] one for each director. Empty: the process has ended.
+    /// One state machine, or one for each director with [`Mutation::TwoPromises`]. Empty if the process has ended.
     faces: Vec<Node>,
     inbox: VecDeque<(usize, ToNode)>,
     finished: VecDeque<(usize, FrameId, u64)>,
@@ -134,7 +134,7 @@ pub struct NodeProcess {
     pub shows: Vec<u64>,
     pub black: u64,
     pub was_harmed: bool,
-    /// Counts of the ended processes and of the living one.
+    /// Sums of the counters of all processes, ended or running.
     pub counts: node::Counts,
 }
 
@@ -158,7 +158,7 @@ pub struct World {
     pub nodes: Vec<NodeProcess>,
     pub directors: Vec<DirectorProcess>,
     cut: HashSet<(usize, usize)>,
-    /// When the last message of a connection arrives.
+    /// Arrival time of the last message of a connection.
     arrives_ns: HashMap<Route, u64>,
     connections: HashMap<Route, Connection>,
     pub checker: Checker,
@@ -413,7 +413,7 @@ impl World {
             }
             process.faces[face].hear(now, message);
             if mutation == Some(Mutation::Backlog) {
-                // Everything that has arrived is known to the checker before the node draws.
+                // The checker learns of every message that has arrived before the node draws.
                 for (_, waiting) in &process.inbox {
                     if let ToNode::State(state) = waiting {
                         self.checker.state_heard(node, state.id);
@@ -503,7 +503,7 @@ impl World {
                 machine.hear(now, NodeId(node as u16), ToDirector::Hello(hello));
             }
         }
-        // Cues are composed at once, so one more round carries them out.
+        // Cues are composed immediately, so one more round processes them.
         let mut copies = 0;
         for _ in 0..2 {
             let Some(machine) = &mut self.directors[director].machine else { return };
@@ -559,7 +559,7 @@ impl World {
         }
     }
 
-    /// With [`Mutation::NoQuorum`]: votes of all nodes that the director does not reach.
+    /// With [`Mutation::NoQuorum`], votes in place of all nodes that the director does not reach.
     fn forge_votes(&mut self, director: usize, now: Now, id: FrameId) {
         if self.setup.mutation != Some(Mutation::NoQuorum) {
             return;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::ShaderError;
 
-/// Texts of the `.wgsl` files in a folder and below, by their paths without extension.
+/// Texts of the `.wgsl` files in a folder and its subfolders, by their paths without extension.
 ///
 /// # Errors
 ///
@@ -24,7 +24,7 @@ pub(crate) fn read_folder<'a>(
     }
 }
 
-/// Reads the files of `folder` and its subfolders. `prefix` is the path of `folder` below the first one, with a slash at its end.
+/// Reads the files of `folder` and its subfolders. `prefix` is the path of `folder` relative to the top folder, with a slash at its end.
 fn read_below(folder: &Path, prefix: &str, texts: &mut BTreeMap<String, String>) -> Result<(), ShaderError> {
     let unreadable =
         |path: PathBuf| move |error: io::Error| ShaderError::Unreadable { path, reason: error.to_string() };

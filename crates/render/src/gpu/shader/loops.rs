@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use super::without_comment;
 
-/// Returns WGSL in which `for` and `while` loops test at their end, without comments. Lines stay where they are.
+/// Returns the code without comments, with `for` and `while` loops that test at their end. Line numbers do not change.
 ///
 /// Loops without a condition, and text that is not complete WGSL, are not changed.
 pub(super) fn tested_at_end(text: &str) -> String {
@@ -33,7 +33,7 @@ struct Loop<'a> {
 fn convert(mut code: &str, changed: &mut String) {
     while let Some(found) = first_loop(code) {
         changed.push_str(found.before);
-        // The block limits the scope of the variable. Its test before the first round costs nothing but a mask.
+        // The block limits the scope of the variable. The test before the first iteration only costs a mask.
         let Loop { initial, condition, update, .. } = found;
         let _ = write!(changed, "{{ {initial}; if {condition} {{ loop {{");
         convert(found.body, changed);
@@ -70,7 +70,7 @@ fn first_loop(code: &str) -> Option<Loop<'_>> {
     }
 }
 
-/// Where `word` stands by itself in `code`, at `from` or later.
+/// Position of `word` as a separate word in `code`, at `from` or later.
 fn find_word(code: &str, word: &str, from: usize) -> Option<usize> {
     let is_part = |letter: Option<char>| letter.is_some_and(|letter| letter.is_alphanumeric() || letter == '_');
     code[from..]
@@ -79,7 +79,7 @@ fn find_word(code: &str, word: &str, from: usize) -> Option<usize> {
         .find(|&at| !is_part(code[..at].chars().next_back()) && !is_part(code[at + word.len()..].chars().next()))
 }
 
-/// Where the bracket at `open` is closed.
+/// Position of the bracket that closes the one at `open`.
 fn closing(code: &str, open: usize) -> Option<usize> {
     let mut depth = 0_usize;
     for (at, letter) in code[open..].char_indices() {
@@ -131,7 +131,7 @@ mod tests {
         ] {
             assert_eq!(tested_at_end(text), text);
         }
-        // A loop without a condition does not hide the one inside.
+        // A loop without a condition does not hide the one inside it.
         assert_eq!(tested_at_end("for (;;) { while a { b(); } }").matches("break if !(a)").count(), 1);
     }
 }

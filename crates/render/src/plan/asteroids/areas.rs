@@ -17,23 +17,23 @@ pub const AREA_NODES: usize = 17;
 /// Cells along a side of the grid for outlines.
 const CELLS: usize = 192;
 
-/// Meshes with more triangles are replaced by the shape's coarsest.
+/// Meshes with more triangles are replaced by the shape's coarsest mesh.
 const MOST_TRIANGLES: usize = 5000;
 
 /// Steps from the centre of the table to its sides.
 const STEPS: isize = (AREA_NODES / 2) as isize;
 
-/// Column and row of a node from the centre of the table.
+/// Column and row of a node, counted from the centre of the table.
 fn place_of(node: usize) -> [isize; 2] {
     [node % AREA_NODES, node / AREA_NODES].map(|index| index as isize - STEPS)
 }
 
-/// Whether the direction of a place has z >= 0.
+/// Whether the direction at a position in the table has z >= 0.
 fn is_upper([x, y]: [isize; 2]) -> bool {
     x.abs() + y.abs() <= STEPS
 }
 
-/// Folds a place of one half of the table onto the other: the direction with the opposite z.
+/// Folds a position in one half of the table onto the other half: to the direction with the opposite z.
 fn folded([x, y]: [isize; 2]) -> [isize; 2] {
     let sign = |value: isize| if value < 0 { -1 } else { 1 };
     [(STEPS - y.abs()) * sign(x), (STEPS - x.abs()) * sign(y)]
@@ -59,7 +59,7 @@ pub fn projected_areas(shape: &Shape) -> Vec<f32> {
         table[node] = (area / PI) as f32;
     }
     for node in (0..table.len()).filter(|node| !is_upper(place_of(*node))) {
-        // The opposite direction: the other z, and the other signs of x and y.
+        // The opposite direction: z, x and y change their signs.
         let [x, y] = folded(place_of(node)).map(|steps| STEPS - steps);
         table[node] = table[y as usize * AREA_NODES + x as usize];
     }
@@ -86,7 +86,7 @@ mod tests {
         for (node, (area, drawn)) in projected_areas(shape).into_iter().zip(drawn).enumerate() {
             assert!((f64::from(area) * PI / drawn - 1.0).abs() < 2e-3, "node {node}: {area} for {}", drawn / PI);
         }
-        // The middle, the middle of a side and a corner.
+        // The nodes at the middle of the table, at the middle of a side and in a corner.
         let directions = [144, 8, 0].map(node_direction);
         assert_eq!(directions, [DVec3::Z, DVec3::NEG_Y, DVec3::NEG_Z]);
     }

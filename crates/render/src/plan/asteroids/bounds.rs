@@ -1,13 +1,14 @@
-//! Distance from which an impostor may replace a mesh: where each of its errors is below half a pixel.
+//! Distance from which an impostor may replace a mesh: beyond it, each error of the impostor is below half a pixel.
 //!
 //! R is the radius of the tile's content, D the distance, p the angle of a pixel, b the distance between the eyes:
 //!
 //! - *disparity*: a flat picture has no depth. The second eye sees a point R in front of the centre displaced by b R / D^2.
 //! - *resolution*: one of the T - 2 texels across 2 R must not be larger than a pixel: 2 R / ((T - 2) D) <= p.
 //! - *direction*: an error delta of the picture's direction displaces points at depth R by R delta.
-//! - *perspective*: pictures in the atlas are parallel projections. A point at depth h and lateral offset x is seen at x / (D - h), not at
-//!   x / D; with x^2 + h^2 = R^2 the difference is at most R^2 / 2 D^2. If each pixel's ray is intersected with the picture at its depth,
-//!   only the limb has an error: the eye sees R^2 / D around it, and less of R by R (R / D)^2 / 2, which is an angle of R^3 / 2 D^3.
+//! - *perspective*: pictures in the atlas are parallel projections. A point at depth h and lateral offset x is seen at x / (D - h), not at x / D;
+//!   with x^2 + h^2 = R^2 the difference is at most R^2 / 2 D^2. If each pixel's ray is intersected with the picture at its depth, only the limb has
+//!   an error: the eye sees it R^2 / D in front of the centre, on a circle that is smaller than R by R (R / D)^2 / 2, which is an angle of R^3 / 2
+//!   D^3.
 
 use super::{AsteroidSettings, ImpostorMethod};
 
@@ -17,13 +18,13 @@ pub const BORDER_PX: u32 = 2;
 /// Distances, m, from which each error of an impostor is below half a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct ImpostorDistances {
-    /// Disparity of depth between the eyes.
+    /// For disparity between the eyes: a flat picture has no depth.
     pub disparity_m: f64,
-    /// Resolution of the tile.
+    /// For the resolution of the tile.
     pub resolution_m: f64,
-    /// Direction of the tile.
+    /// For the direction of the tile.
     pub direction_m: f64,
-    /// Parallel instead of central projection.
+    /// For parallel instead of central projection.
     pub perspective_m: f64,
 }
 
@@ -34,11 +35,10 @@ impl ImpostorDistances {
     }
 }
 
-/// Greatest error of the direction of an atlas of `tiles` x `tiles`, rad: bounds that `tests` compares with
-/// a scan of the sphere. `euler_atlas`: error of the orientation at the centre of the view; off the axis, the angle off the
-/// axis is added, whatever the atlas. `octahedral`: from a tile's corner to its centre on the flat face of the
-/// octahedron, where tiles are largest. `octahedral_blend`: error of the weighted mean direction, greatest where the cells bend
-/// over an edge of the octahedron.
+/// Bound of the error of the direction of an atlas of `tiles` x `tiles`, rad; `tests` compares it with a scan of the sphere. `euler_atlas`: error of
+/// the orientation at the centre of the view; elsewhere, the angle from the axis is added, whatever the atlas. `octahedral`: angle between the corner
+/// and the centre of a tile in the middle of an octahedron's face, where tiles are largest. `octahedral_blend`: error of the weighted mean direction,
+/// greatest where the cells bend over an edge of the octahedron.
 pub fn direction_error_bound_rad(method: ImpostorMethod, tiles: u32) -> Option<f64> {
     let n = f64::from(tiles);
     match method.chosen() {
@@ -52,9 +52,9 @@ pub fn direction_error_bound_rad(method: ImpostorMethod, tiles: u32) -> Option<f
 /// See [`direction_error_bound_rad`].
 const BLEND_ERROR: f64 = 1.3;
 
-/// Distances of an impostor of an asteroid within a sphere of `radius_m` (mean radius times the shape's bound),
-/// where a pixel spans `pixel_rad` and the eyes are `stereo_baseline_m` apart (0 for one eye). Errors are limited to
-/// half a pixel divided by `quality`. `None`: the method has no atlas.
+/// Distances for the impostor of an asteroid within a sphere of `radius_m` (mean radius times the shape's bound), for pixels that span `pixel_rad`
+/// and eyes that are `stereo_baseline_m` apart (0 for one eye). Errors are limited to half a pixel divided by `quality`. `None`: the method has no
+/// atlas.
 pub fn impostor_distances(
     method: ImpostorMethod,
     settings: &AsteroidSettings,
@@ -122,7 +122,7 @@ mod tests {
         })
     }
 
-    /// Greatest error in pixels of the points of the sphere that an eye at distance `d` sees.
+    /// Greatest error, in pixels, over the points of the sphere that are visible to an eye at distance `d`.
     fn worst_px(d: f64, error_rad: impl Fn(DVec3) -> f64) -> f64 {
         let eye = DVec3::new(0.0, 0.0, d);
         let seen = |point: &DVec3| (eye - *point).dot(*point) >= 0.0;
@@ -153,7 +153,7 @@ mod tests {
         for method in [EulerAtlas, Octahedral, OctahedralBlend] {
             let d = distances(method).direction_m;
             let turn = DMat3::from_rotation_y(direction_error_bound_rad(method, 32).unwrap());
-            // Parallel projection: only this error.
+            // In a parallel projection this is the only error.
             let error = |d: f64| worst_px(1e3 * d, |point| ((turn * point).x - point.x).abs() / d);
             assert!((error(d) - 0.5).abs() < 0.01 && error(0.5 * d) > 0.9, "{method:?}: {}", error(d));
         }
@@ -164,7 +164,7 @@ mod tests {
         let d = distances(Octahedral).perspective_m;
         let error = |d: f64| {
             worst_px(d, |point| {
-                // The square is as large as the outline.
+                // The impostor's square is as large as the asteroid's outline.
                 let outline = d / (d * d - R * R).sqrt();
                 let aside = point.x.hypot(point.y);
                 ((aside / (d - point.z)).atan() - (aside * outline / d).atan()).abs()

@@ -25,7 +25,7 @@ pub enum Class {
     Point,
 }
 
-/// One or two forms.
+/// The form of an asteroid, or two forms while one takes over from the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Classes {
     /// The form that takes over.
@@ -91,8 +91,8 @@ impl ClassRules {
 }
 
 impl ImpostorReach {
-    /// Distance from which an impostor is permitted, m: for an asteroid within a sphere of `bound_m`, where `allowed_rad` is the angle of a pixel
-    /// divided by the quality.
+    /// Distance from which an impostor is permitted for an asteroid within a sphere of `bound_m`, m. `allowed_rad` is the angle of a pixel divided by
+    /// the quality.
     pub fn start_m(&self, bound_m: f64, allowed_rad: f64) -> f64 {
         let disparity = (2.0 * self.eyes_m * bound_m / allowed_rad).sqrt();
         let perspective = bound_m * allowed_rad.powf(-self.exponent);
@@ -131,7 +131,7 @@ mod tests {
                 }
                 if let Some((last, last_distance)) = before {
                     assert!(last.class <= found.class, "{last:?} {found:?}");
-                    // A share changes by no more than its band permits; a new form begins at 0 when the previous one has the whole.
+                    // A share changes by no more than its band permits. A new form begins with the share 0 when the previous one has the share 1.
                     let most = (distance - last_distance) / (BAND * last_distance) * (1.0 + 1.2 * BAND);
                     if last.class == found.class {
                         assert!((found.share - last.share).abs() <= most);

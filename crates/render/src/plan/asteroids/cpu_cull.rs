@@ -22,7 +22,7 @@ pub struct ListEntry {
     pub item: u32,
     /// Whether it is drawn on the other side of the seam.
     pub beyond_seam: bool,
-    /// 2: whole; w: the share of the new form; -w: the rest next to a new form with the share w.
+    /// 2: the only form; w: a new form with the share w; -w: the previous form, with the share 1 - w that remains next to the new form.
     pub fade: f32,
 }
 
@@ -106,7 +106,7 @@ impl Asteroid<'_> {
         let share = classes.share.max(LEAST_SHARE) as f32;
         let drawn =
             [(Some(classes.class), if classes.before.is_some() { share } else { WHOLE }), (classes.before, -share)];
-        // Whether its straight edges require cube faces.
+        // Whether its straight edges require drawing it through cube faces.
         let edge_of = |class: Class| match class {
             Class::Mesh(level) => shape.lods[level as usize].longest_edge,
             Class::Impostor | Class::Point => 2.0 * shape.bound,
@@ -137,7 +137,7 @@ impl Asteroid<'_> {
     }
 }
 
-/// Whether edges of `edge` mean radii bend by more than half a pixel; `size`: radius divided by distance.
+/// Whether the images of edges of `edge` mean radii bend by more than half a pixel. `size` is the radius divided by the distance.
 fn bends(picture: &PictureBounds, rules: &ClassRules, place: f64, edge: f64, bound: f64, size: f64) -> bool {
     if bound * size >= 0.5 {
         return true;

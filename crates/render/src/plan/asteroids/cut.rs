@@ -1,9 +1,9 @@
-//! Groups of asteroids that each picture may see: computed in f64, once per frame, by descending the trees of the fields.
+//! Groups of asteroids that may be visible in each picture. They are computed in f64, once per frame, by descending the trees of the fields.
 //!
-//! A node outside all pictures is dropped with its children. A node that is smaller than half a pixel in every picture, and whose
-//! asteroids are all points there, becomes one point of light. The remaining groups have the pictures that may see them, the faces
-//! of the cubes behind pictures that are not flat, and whether they may contain points or larger forms. The decisions for single
-//! asteroids follow on the adapter (`shaders/asteroids/cull.wgsl`) or in `cpu_cull`.
+//! A node outside all pictures is dropped with its children. A node that is smaller than half a pixel in every picture, and whose asteroids are all
+//! points there, becomes one point of light. Each remaining group lists the pictures in which it may be visible and the faces of the cubes behind
+//! pictures that are not flat, and states whether it may contain points or larger forms. Single asteroids are decided later, on the adapter
+//! (`shaders/asteroids/cull.wgsl`) or in `cpu_cull`.
 //!
 //! An asteroid whose straight edges would bend by more than half a pixel (divided by the quality) is drawn through faces. The bound here is for
 //! a whole group, so every face that an asteroid needs exists.
@@ -25,7 +25,7 @@ use crate::{
     view::projection::Face,
 };
 
-/// Margin of the bounds of a group over those of its asteroids, which f32 decides.
+/// Factor by which bounds of a group exceed those of its asteroids, because single asteroids are decided in f32.
 const SLACK: f64 = 1.02;
 
 /// A node that is drawn as one point of light.
@@ -33,11 +33,11 @@ const SLACK: f64 = 1.02;
 pub struct UnresolvedNode {
     /// The point.
     pub point: PointSource,
-    /// Number of its asteroids.
+    /// Number of asteroids of the node.
     pub asteroids: u64,
 }
 
-/// A group that a picture may see.
+/// A group that may be visible in a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroupItem {
     /// Index of its field.
@@ -52,7 +52,7 @@ pub struct GroupItem {
     pub count: u32,
     /// Bit i: visible in viewport i.
     pub viewports: u64,
-    /// Indices of pictures that are not flat, and the faces (bit by [`Face`]) that it may need there.
+    /// Indices of pictures that are not flat, and the faces (one bit per [`Face`]) that the group may need there.
     pub faces: Vec<(usize, u8)>,
     /// Whether it crosses the seam of a picture.
     pub crosses_seam: bool,
@@ -77,9 +77,9 @@ pub struct AsteroidCut {
     pub unresolved: Vec<UnresolvedNode>,
     /// Faces of the cube that each viewport needs, as bit sets.
     pub faces: Vec<u8>,
-    /// Bound of the light of all points except unresolved nodes, per viewport, lx: its greatest channel.
+    /// Bound of the light of all points except unresolved nodes, per viewport, lx, in the brightest channel.
     pub points_lx: Vec<f64>,
-    /// Greatest illuminance on any group, its greatest channel, lx.
+    /// Greatest illuminance on any group, in the brightest channel, lx.
     pub brightest_lx: f64,
 }
 
@@ -152,7 +152,7 @@ pub fn cut(
             }
         }
     }
-    // From near to far, so that most hidden asteroids are found to be behind drawn ones.
+    // Sort from near to far: nearer asteroids are drawn first, so that most hidden ones are recognised as hidden.
     cut.items.sort_by(|a, b| a.origin_m.length_squared().total_cmp(&b.origin_m.length_squared()));
     cut.shape_items = cut.items.len();
     cut.items.append(&mut points_only);
@@ -213,7 +213,7 @@ impl<'a> FieldCut<'a> {
     }
 }
 
-/// Inputs for the decision about a node.
+/// Inputs for decisions about nodes.
 struct NodeCut<'a> {
     fields: &'a [FieldCut<'a>],
     pictures: &'a [PictureBounds],
@@ -231,7 +231,7 @@ impl NodeCut<'_> {
         let field = &self.fields[index];
         let node = &field.field.instances.levels[level][node_index];
         let middle_m = field.origin_m + field.rotation * node.middle_m;
-        // Viewports that may see the node, and the forms of its asteroids there.
+        // Viewports in which the node may be visible, and the forms of its asteroids there.
         let mut viewports = 0;
         let mut unresolved = true;
         let (mut holds_points, mut holds_shapes) = (false, false);
@@ -275,7 +275,7 @@ impl NodeCut<'_> {
         vec![Outcome::Group(Box::new(item), points_lx)]
     }
 
-    /// A group without the data that depends on the pictures.
+    /// Makes a group, without the data that depends on the pictures.
     fn group(&self, index: usize, node_index: usize, viewports: u64) -> GroupItem {
         let field = &self.fields[index];
         let node = &field.field.instances.levels[0][node_index];
@@ -297,7 +297,7 @@ impl NodeCut<'_> {
         }
     }
 
-    /// The faces that a group may need, and whether it crosses a seam.
+    /// Adds the faces that a group may need, and whether it crosses a seam.
     fn add_faces(&self, field: &FieldCut<'_>, node: &Node, item: &mut GroupItem) {
         let mut remaining = item.viewports;
         while remaining != 0 {
@@ -332,7 +332,7 @@ impl NodeCut<'_> {
         strongest_light(self.suns, place_m)
     }
 
-    /// A whole node as one point: spheres of equal area at its centroid.
+    /// A whole node as one point at its centroid, with the light of spheres of equal area.
     fn point(&self, field: &FieldCut<'_>, level: usize, node: &Node, viewports: u64) -> Outcome {
         let offset_m = field.origin_m + field.rotation * node.centroid_m;
         let light = self.sunlight(offset_m);
@@ -347,8 +347,7 @@ impl NodeCut<'_> {
         seeing.map(|(_, picture)| (middle_m - picture.eye_m).length() - radius_m).fold(f64::INFINITY, f64::min).max(0.0)
     }
 
-    /// Bound of the light of all points of a group, lx: a point is at least so far away that the diameter of the asteroid is two
-    /// pixels.
+    /// Bound of the light of all points of a group, lx. A point is at least at the distance at which the diameter of its asteroid is two pixels.
     fn points_lx(&self, field: &FieldCut<'_>, node: &Node, item: &GroupItem) -> f64 {
         let albedo = field.field.geometric_albedo;
         let full_cd = (0..3).map(|i| albedo[i] * item.illuminance_lx[i]).fold(0.0, f64::max) * field.largest_area;

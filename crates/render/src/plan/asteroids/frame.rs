@@ -28,14 +28,14 @@ use crate::{
     },
 };
 
-/// Distance at depth 1, m: nearer surfaces are not drawn. Depth is relative, so this costs no accuracy.
+/// Distance at which the depth is 1, m. Nearer surfaces are not drawn. Depth is relative, so a small distance costs no accuracy.
 pub const NEAR_M: f64 = 1e-3;
 
 /// Maximum memory of the faces of a cube.
 const FACE_BYTES: u64 = 1 << 30;
 /// Bytes of a texel of colour and depth.
 const TEXEL_BYTES: u64 = 12;
-/// Target value of p E / pi of the brightest group: f16 ends at 65504, and a mesh may be several times as bright.
+/// Value of p E / pi of the brightest group in the units of the targets: f16 ends at 65504, and a mesh may be several times as bright.
 const BRIGHTEST_UNITS: f64 = 1024.0;
 
 /// Bytes of an entry of the lists on the adapter.
@@ -62,7 +62,7 @@ pub struct Splats {
 }
 
 impl Splats {
-    /// From the settings; `None`: impostors are not splatted.
+    /// The condition for these settings; `None`: impostors are not splatted.
     fn new(settings: &AsteroidSettings) -> Option<Self> {
         if settings.finest_only || settings.impostor.chosen() != ImpostorMethod::OctahedralSplat {
             return None;
@@ -92,7 +92,7 @@ pub struct AsteroidPlan {
     pub pictures: Vec<PictureBounds>,
     /// Rules for classes of detail, per viewport.
     pub rules: Vec<ClassRules>,
-    /// Viewport whose classes apply, per viewport: of a pair of eyes with equal pixels, the first one's.
+    /// For each viewport, the viewport whose classes apply: for a pair of eyes with equal pixels, that of the first eye.
     pub class_views: Vec<u32>,
     /// Planes to draw onto.
     pub planes: Vec<Plane>,
@@ -147,7 +147,7 @@ impl Tables {
     }
 }
 
-/// Checks that the fields of a scene can be held: their number, and that every shape has meshes.
+/// Checks that the fields of a scene can be drawn: that they are not too many, and that every shape has meshes.
 pub fn check(objects: &SceneObjects, limits: &Limits) -> Result<(), PlanError> {
     let asteroids = objects.fields.iter().map(|field| field.instances.packed.len() as u64).sum();
     if objects.fields.len() > MAX_FIELDS {
@@ -186,7 +186,7 @@ pub struct AsteroidInputs<'a> {
     pub settings: &'a AsteroidSettings,
     /// The pictures.
     pub viewports: &'a [Viewport],
-    /// Distance beyond the border of a picture from which points reach into it, pixels.
+    /// Distance beyond the border of a picture up to which points reach into it, pixels.
     pub margin_px: f64,
     /// The camera (ICRS, barycentric, m).
     pub camera_m: DVec3,
@@ -227,7 +227,7 @@ impl AsteroidPlan {
                 finest_only: settings.finest_only,
             })
             .collect();
-        // Groups that pictures may see, and the complete lists if the CPU culls.
+        // Groups that may be visible in pictures, and the complete lists if the CPU culls.
         let mut lists = None;
         let cut = if settings.culling == Culling::Cpu {
             let mut cut = cut::every_group(&fields, camera_m, &pictures, &rules, suns);
@@ -335,7 +335,7 @@ impl AsteroidPlan {
             fewest = fewest.min(samples);
             self.samples.push(samples);
             let layers = u64::from(8 - self.cut.faces[index].leading_zeros());
-            // At the centre of a face a texel covers 2 / side.
+            // At the centre of a face a texel covers 2 / side rad.
             let wanted = (2.0 * f64::from(samples) / picture.table.needed_rad).ceil();
             let fitting = ((FACE_BYTES / TEXEL_BYTES / layers.max(1)) as f64).sqrt().floor().min(f64::from(limit));
             let side = wanted.min(fitting).max(1.0);
@@ -362,14 +362,15 @@ impl AsteroidPlan {
     }
 }
 
-/// cd/m^2 per unit of the targets: a power of two, so that it is constant while the light hardly changes.
+/// cd/m^2 per unit of the targets. It is a power of two, so that it stays constant while the light hardly changes.
 fn luminance_scale(fields: &[&AsteroidField], brightest_lx: f64) -> f64 {
     let albedo = fields.iter().flat_map(|field| field.geometric_albedo).fold(0.0, f64::max);
     let brightest = albedo * brightest_lx / std::f64::consts::PI;
     if brightest > 0.0 { 2.0_f64.powf((brightest / BRIGHTEST_UNITS).log2().ceil()) } else { 1.0 }
 }
 
-/// Index of the viewport whose classes apply to viewport `index`: of a pair of eyes with equal pixels, the first one's, otherwise its own.
+/// Index of the viewport whose classes apply to viewport `index`: for a pair of eyes with equal pixels, that of the first eye, otherwise `index`
+/// itself.
 fn class_view(viewports: &[Viewport], index: u32) -> u32 {
     let own = &viewports[index as usize];
     let first = index.checked_sub(1).filter(|before| {

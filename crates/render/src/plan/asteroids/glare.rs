@@ -28,7 +28,7 @@ const LEAST_SHARE: f64 = 1e-3;
 pub struct Cloud {
     /// Its total light.
     pub source: ExtendedSource,
-    /// Luminance of its surfaces that face the sun and the eye: p E / pi, cd/m^2.
+    /// Luminance of those of its surfaces that face both the sun and the eye: p E / pi, cd/m^2.
     pub surface_cd_m2: f64,
 }
 
@@ -52,7 +52,7 @@ pub fn field_clouds(fields: &[&AsteroidField], eye_m: DVec3, suns: &[Sun]) -> Ve
         let reflected = [0, 1, 2].map(|channel| field.geometric_albedo[channel] * light.1[channel]);
         let source = ExtendedSource {
             direction: offset_m / distance_m,
-            // For an eye among the asteroids, use their spread as the distance.
+            // If the eye is among the asteroids, use the radius of the node as the distance.
             light: intensity_cd.map(|cd| cd / distance_m.max(node.radius_m).powi(2)),
             radius_rad: (node.radius_m / distance_m).min(1.0).asin(),
         };
@@ -137,7 +137,7 @@ mod tests {
         }
     }
 
-    /// From a great distance all sources have the same phase, so together they have the light of all asteroids; nearby, there are many.
+    /// From a great distance all sources have the same phase angle, so their total is the light of all asteroids. Nearby, there are many sources.
     #[test]
     fn clouds_have_the_light_of_their_asteroids() {
         let field = field();
@@ -157,7 +157,7 @@ mod tests {
         let phase = field.law.phase_function((-offset_m).angle_between(-field.position_m));
         let full = 0.1 * 3e27 / 1e22 * area_m2 / std::f64::consts::PI / offset_m.length_squared() * phase;
         assert!((light / full - 1.0).abs() < 2e-3, "{light} {full}");
-        // Albedo 0.1 in 3e5 lx.
+        // Luminance for an albedo of 0.1 in 3e5 lx.
         let surface = 0.1 * 3e27 / 1e22 / std::f64::consts::PI;
         assert!(clouds.iter().all(|cloud| (cloud.surface_cd_m2 / surface - 1.0).abs() < 1e-3), "{clouds:?}");
         let near = field_clouds(&[&field], field.position_m + DVec3::new(9e6, 0.0, 1e6), &[sun]);

@@ -20,7 +20,7 @@ pub const MAX_SHAPES: usize = 12_000;
 /// Maximum number of fields of a scene.
 pub const MAX_FIELDS: usize = 256;
 
-/// A picture or a face of the cube around its axes.
+/// A picture, or a face of the cube behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plane {
     /// Index of the viewport.
@@ -46,9 +46,9 @@ pub struct SetKinds {
     pub shapes: Arc<ShapeSet>,
     /// Index of its first shape among those of all sets.
     pub first_shape: usize,
-    /// For each shape, the kind of its finest mesh; coarser ones follow.
+    /// For each shape, the kind of its finest mesh. The kinds of its coarser meshes follow.
     pub shape_kinds: Vec<usize>,
-    /// First of its kinds.
+    /// Index of its first kind.
     pub first_kind: usize,
     /// Number of its meshes.
     pub meshes: usize,

@@ -1,4 +1,4 @@
-//! Asteroid fields in a plan: settings, impostors, and the instances that each viewport may see.
+//! Asteroid fields in a plan: settings, impostors, and the instances that may be visible in each viewport.
 
 pub mod areas;
 pub mod bounds;

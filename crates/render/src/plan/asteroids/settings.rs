@@ -13,15 +13,16 @@ pub enum ImpostorMethod {
     /// `octahedral_splat`.
     #[default]
     Auto,
-    /// No impostors: meshes down to points.
+    /// No impostors: asteroids are drawn as meshes until they are small enough for points.
     None,
-    /// Published: an atlas over pitch and yaw, selected by the orientation of the camera, on a quad parallel to the image plane.
+    /// The published method: an atlas over pitch and yaw, whose tile is selected by the orientation of the camera and drawn on a quad parallel to the
+    /// image plane.
     EulerAtlas,
-    /// An octahedral atlas: the nearest tile by the position of the eye, on a quad that faces the eye.
+    /// An octahedral atlas: the tile nearest to the direction of the eye is drawn on a quad that faces the eye.
     Octahedral,
-    /// An octahedral atlas: three tiles blended, each with parallax by its depth.
+    /// An octahedral atlas: three tiles are blended, each with parallax from its depth.
     OctahedralBlend,
-    /// The same, but a single tile if its error is below half a pixel, splatted sample by sample; hidden asteroids are skipped.
+    /// As `octahedral_blend`, but splatted sample by sample, and from a single tile if its error is below half a pixel. Hidden asteroids are skipped.
     OctahedralSplat,
 }
 
@@ -35,7 +36,7 @@ named!(ImpostorMethod {
 });
 
 impl ImpostorMethod {
-    /// The method that is drawn; never `auto`.
+    /// The method that is used; never `auto`.
     pub fn chosen(self) -> Self {
         if self == Self::Auto { Self::OctahedralSplat } else { self }
     }
@@ -106,7 +107,7 @@ impl AsteroidSettings {
         Some(self.impostor.chosen()).filter(|method| !self.finest_only && *method != ImpostorMethod::None)
     }
 
-    /// Memory of the atlas of that many shapes on the adapter, bytes: normals and surfaces of four bytes per texel, with their levels.
+    /// Memory of an atlas of that many shapes on the adapter, bytes: normals and surfaces, each with four bytes per texel and a chain of mipmaps.
     pub fn atlas_bytes(&self, shapes: usize) -> u64 {
         let side = u64::from(self.tiles) * u64::from(self.tile_px);
         match AtlasLayout::for_method(self.impostor) {

@@ -17,7 +17,7 @@ pub(in crate::plan) struct Asteroids {
 }
 
 impl Asteroids {
-    /// Plans the fields. Groups that are points of light join the points of the bodies.
+    /// Plans the fields. Groups that are drawn as points of light are added to the points of the bodies.
     fn plan_fields(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
         let objects = inputs.objects;
         let field_inputs = AsteroidInputs {

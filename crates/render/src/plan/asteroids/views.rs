@@ -43,19 +43,19 @@ pub struct DirectionTable {
     pub pixel_rad: Vec<f64>,
     /// Bend, px/rad^2.
     pub bend: Vec<f64>,
-    /// The finest of the longer sides of the picture's pixels, rad.
+    /// The shortest of the longer sides of the picture's pixels, rad.
     pub needed_rad: f64,
 }
 
 /// Distance from which an impostor may replace a mesh. For an asteroid within a sphere of radius R (m), with the angle p of a pixel divided by the
-/// quality (rad), it is the greatest of sqrt(2 b R / p), linear R / p and R p^-exponent; `bounds` has the derivation.
+/// quality (rad), it is the greatest of sqrt(2 b R / p), `linear` R / p and R p^-`exponent`; `bounds` has the derivation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImpostorReach {
     /// b, distance between the eyes, m, for the disparity.
     pub eyes_m: f64,
-    /// Resolution of the tiles and error of their direction.
+    /// Factor for the resolution of the tiles and the error of their direction.
     pub linear: f64,
-    /// Parallel instead of central projection.
+    /// Exponent for parallel instead of central projection.
     pub exponent: f64,
 }
 
@@ -111,7 +111,8 @@ impl DirectionTable {
                 Self { pixel_rad, bend: nodes.map(|angle| bend(mapping, place(angle))).collect(), needed_rad }
             }
             Projection::Equirectangular(_) => {
-                // Towards the poles pixels become ever narrower, but neighbours then show the same direction.
+                // Towards the poles pixels become ever narrower, but there neighbouring pixels show almost the same direction: use the size at the
+                // equator.
                 let pixel = (PI / height).min(TAU / width);
                 let place = |angle: f64| DVec3::new(0.0, angle.cos(), -angle.sin());
                 Self {
@@ -137,7 +138,7 @@ impl DirectionTable {
         self.pixel_rad[i] * (1.0 - f) + self.pixel_rad[i + 1] * f
     }
 
-    /// The greatest bend within `reach` of a position: of the entries around both ends and the centre.
+    /// The greatest bend within `reach` of a position, from the entries around both ends and the centre of that range.
     pub fn bend_around(&self, place: f64, reach: f64) -> f64 {
         [place - reach, place, place + reach].map(|place| self.bend_beside(place)).into_iter().fold(0.0, f64::max)
     }
@@ -161,7 +162,7 @@ impl DirectionTable {
     }
 }
 
-/// The finest side of a pixel at an angle from the axis, over all directions from there.
+/// The finest side of a pixel at an angle from the axis, over all directions at that angle.
 fn finest_pixel_rad(mapping: &dyn PlaneMapping, angle: f64) -> f64 {
     (0..8)
         .filter_map(|step| {
@@ -222,12 +223,13 @@ impl PictureBounds {
         }
     }
 
-    /// Whether a sphere may be visible, from its centre in view axes relative to the eye. Never false for a visible one.
+    /// Whether a sphere may be visible. Its centre is in view axes, relative to the eye. Never false for a visible sphere.
     pub fn touches(&self, middle: DVec3, radius: f64) -> bool {
         if self.kind == PictureKind::Flat {
             return self.planes.iter().all(|normal| normal.dot(middle) >= -radius);
         }
-        // Distance from the cone's surface in the half plane of axis and centre; beyond the apex it is greater.
+        // Compare the radius with the distance of the centre from the cone's surface, in the half plane of axis and centre. Behind the apex the true
+        // distance is greater.
         let [sin, cos] = self.cone;
         middle.x.hypot(middle.y) * cos + middle.z * sin <= radius
     }
@@ -244,25 +246,25 @@ impl PictureBounds {
     }
 }
 
-/// Whether a sphere may touch a face of the cube around view axes, from the planes through its edges.
+/// Whether a sphere may touch a face of the cube around view axes, according to the planes through the eye and the edges of the face.
 pub fn touches_face(face: Face, middle: DVec3, radius: f64) -> bool {
     let [right, up, back] = [0, 1, 2].map(|column| face.axes().col(column).dot(middle));
     let reach = radius * std::f64::consts::SQRT_2 * (1.0 + 1e-4);
     -back + reach >= right.abs() && -back + reach >= up.abs()
 }
 
-/// Greatest distance between the positions from which the eye of one view looks, m: 0 for views with one position.
+/// Greatest distance between this viewport's eye and the eyes of the other viewports of the same view, m; 0 if they have the same position.
 pub fn eye_distance_m(viewports: &[Viewport], of: &Viewport) -> f64 {
     let others = viewports.iter().filter(|viewport| viewport.view == of.view);
     others.map(|viewport| (viewport.eye_offset_m - of.eye_offset_m).length()).fold(0.0, f64::max)
 }
 
-/// Distances of the impostors of a method; `None`: there are none. They are the factors of [`nearest_distance_m`](super::bounds::nearest_distance_m).
+/// Parameters of the distances of impostors; `None`: there are no impostors. See [`nearest_distance_m`](super::bounds::nearest_distance_m).
 pub fn impostor_reach(settings: &AsteroidSettings, eyes_m: f64) -> Option<ImpostorReach> {
     if settings.finest_only {
         return None;
     }
-    // Each distance for one metre and one radian is its factor.
+    // The distances for one metre and one radian are the factors.
     let of_one = impostor_distances(settings.impostor, settings, 1.0, 1.0, eyes_m, 1.0)?;
     let smaller = impostor_distances(settings.impostor, settings, 1.0, 0.5, eyes_m, 1.0)?;
     Some(ImpostorReach {

@@ -1,15 +1,14 @@
-//! The total light of a body: the light of a body smaller than a pixel, and the sum of the light of a larger one.
+//! The total light of a body: the light with which a body smaller than a pixel is drawn, or the sum over the disc of a larger body.
 //!
-//! The illuminance at the eye is the integral of luminance over the solid angle of the visible disc. Divided by the
-//! semi-axes, the body is the unit sphere, with the eye at distance Q from its centre, and the disc is round: rings of w = Q sin(a),
-//! 0 to 1, where a is the angle off the axis. A ring's element sin(a) da dphi is the solid angle in the scaled space, and
-//! det(D) / |D u|^3 times it, with the semi-axes D and the ray u, is the solid angle in the world. That holds at every
-//! distance. The lit half is a half of the unit sphere too, so the ends of the lit arc of each ring are known; the
-//! ring at which arcs begin divides the rings into two spans. Nodes are denser at the ends of spans and arcs (t^3 (10 - 15 t + 6
-//! t^2)), where the integrand is steep. Nodes are fixed: equal inputs give equal bits.
+//! The illuminance at the eye is the integral of luminance over the solid angle of the visible disc. In coordinates divided by the semi-axes the body
+//! is the unit sphere, the eye is at distance Q from its centre, and the disc is round. It is divided into rings of w = Q sin(a), 0 to 1, where a is
+//! the angle from the axis. The element sin(a) da dphi of a ring is a solid angle in the scaled space. Multiplied by det(D) / |D u|^3, with the
+//! semi-axes D and the ray u, it is the solid angle in the world, at every distance. The lit half of the body is a half of the unit sphere too, so
+//! the ends of the lit arc of each ring are known. The ring at which arcs begin divides the rings into two spans. Nodes are denser at the ends of
+//! spans and arcs (t^3 (10 - 15 t + 6 t^2)), where the integrand is steep. Nodes are fixed, so that equal inputs give equal bits.
 //!
-//! Spheres without texture beyond 100,000 radii have the closed forms of `photometry::reflection`, whose
-//! error is of the order of radius over distance.
+//! Spheres without texture beyond 100,000 radii use the closed forms of `photometry::reflection`, whose error is of the order of radius over
+//! distance.
 
 use glam::DVec3;
 
@@ -30,7 +29,7 @@ pub fn illuminance_of(body: &Body, eye_m: DVec3, suns: &[Sun], time_s: f64) -> [
     illuminance_lit_by(body, eye_m, &lights_on(body, suns, eye_m), time_s)
 }
 
-/// The same, for given incident light.
+/// The same illuminance, for given incident light.
 pub fn illuminance_lit_by(body: &Body, eye_m: DVec3, lights: &[Light], time_s: f64) -> [f64; 3] {
     let radius_m = body.radii_m.x;
     let is_plain_sphere = body.radii_m == DVec3::splat(radius_m) && body.surface.texture.is_none();
@@ -88,9 +87,8 @@ impl Disc {
         (q > 1.0).then(|| Self { radii_m: seen.body().radii_m, q, axis: seen.eye() / q })
     }
 
-    /// Integral of the luminance at points of the unit sphere over the solid angle of the disc. With `towards` (unit vector),
-    /// only of
-    /// the half that faces it.
+    /// Integral of the luminance at points of the unit sphere over the solid angle of the disc. With `towards` (unit vector), only over the half that
+    /// faces `towards`.
     fn integrate(&self, towards: Option<DVec3>, nodes: usize, luminance: &dyn Fn(DVec3) -> [f64; 3]) -> [f64; 3] {
         use std::f64::consts::PI;
         let mut sum = [0.0; 3];
@@ -102,7 +100,7 @@ impl Disc {
         let across = towards - self.axis * along;
         let across_length = across.length();
         let first = if across_length > 1e-9 { across / across_length } else { self.axis.any_orthonormal_vector() };
-        // The centre of the disc is lit all around up to the ring that the terminator touches, or not at all.
+        // Up to the ring that the terminator touches, the rings are lit either entirely or not at all.
         let touched = self.ring_at(across_length, along.abs());
         let full: &Arc = &|_, _| [-PI, PI];
         if along > 0.0 {
@@ -118,7 +116,7 @@ impl Disc {
         sum
     }
 
-    /// w of the points of the sphere at an angle off the axis; 1 if they are behind the outline.
+    /// w of the points of the sphere at an angle from the axis (at the body's centre); 1 if they are behind the outline.
     fn ring_at(&self, cos: f64, sin: f64) -> f64 {
         if cos * self.q <= 1.0 {
             return 1.0;
@@ -127,8 +125,8 @@ impl Disc {
         (sin / (sin / self.q).hypot(1.0 - cos / self.q)).min(1.0)
     }
 
-    /// Adds the rings of a span of w. `arc` gives the ends of the arc of a ring from its cosine and sine off the axis;
-    /// rings start at `first`.
+    /// Adds the rings of a span of w. `arc` returns the ends of the arc of a ring from the cosine and sine of its angle from the axis; angles along
+    /// rings are counted from `first`.
     fn span(
         &self,
         [from, to]: [f64; 2],
@@ -141,7 +139,7 @@ impl Disc {
         let second = self.axis.cross(first);
         let crowded = crowded(nodes);
         let determinant = self.radii_m.element_product();
-        // Uniform in the angle at the eye: uniform in w, the last rings before a near horizon would contain most of the sky.
+        // Rings are uniform in the angle at the eye. If they were uniform in w, the last rings before a near horizon would contain most of the sky.
         let [from_rad, to_rad] = [from, to].map(|w: f64| (w / self.q).asin());
         for &(t, weight) in &crowded {
             let (sin_eye, cos_eye) = (from_rad + (to_rad - from_rad) * t).sin_cos();
@@ -166,7 +164,7 @@ impl Disc {
     }
 }
 
-/// Ends of a ring's arc, rad, from cosine and sine of the ring's angle off the axis.
+/// Ends of a ring's arc, rad, from cosine and sine of the ring's angle from the axis.
 type Arc = dyn Fn(f64, f64) -> [f64; 2];
 
 /// Nodes and weights of a midpoint rule on 0 to 1, denser at both ends; the weights sum to 1.

@@ -22,12 +22,12 @@ pub(super) struct Round {
     pub(super) diameter_px: f64,
 }
 
-/// Division of the light of a body.
+/// Division of the light of a body between its disc and its point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Parts {
-    /// Fraction of its light that its disc has.
+    /// Fraction of the light that the disc has.
     pub(super) disc: f64,
-    /// Fraction that its point has: less than the rest if nearer points hide it.
+    /// Fraction that the point has: less than the remaining fraction if nearer bodies hide the point.
     pub(super) point: f64,
 }
 
@@ -36,7 +36,7 @@ fn smooth(t: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Fraction as a disc because another body is near.
+/// Greatest fraction that the disc has because another body is near.
 fn may_be_disc(body: &Round) -> f64 {
     let [from, to] = DISCS_PX;
     smooth((body.diameter_px - from) / (to - from))
@@ -121,11 +121,11 @@ mod tests {
             for (right_rad, moon_rad) in [(0.0, 0.0048), (0.003, 0.0048), (0.007, 0.0048), (0.0, 0.003)] {
                 let moon = round(right_rad, 3.8e8, moon_rad, diameter_px * moon_rad / 0.0047);
                 let [far, near] = drawn(&[sun, moon], &[0.0, 0.0])[..] else { panic!("two bodies") };
-                // As in shaders: the disc of the moon either hides the centre of the sun or not.
+                // As in shaders, the disc of the moon hides the centre of the sun either entirely or not at all.
                 let passed = if right_rad < moon_rad { 1.0 - near.disc } else { 1.0 };
                 let open = 1.0 - hidden_share(0.0047, moon_rad, right_rad);
                 let error = far.point * passed - (1.0 - far.disc) * open;
-                // For a ring of light around a smaller moon whose disc hides the whole point, the disc's share is lost.
+                // The disc of a smaller moon hides the whole point: the ring of light around the moon is lost to the extent that the moon is a disc.
                 let most = if moon_rad < 0.0047 || open > 0.0 { near.disc * open } else { 0.0 };
                 assert!(error < 1e-12 && error >= -most - 1e-12, "{diameter_px} px, {right_rad}, {moon_rad}: {error}");
             }
@@ -139,7 +139,7 @@ mod tests {
         let point = |right_rad: f64| drawn(&[sun, moon(right_rad)], &[0.0, 0.0])[0].point;
         assert_eq!([point(0.0), point(0.0096)], [0.0, 1.0]);
         assert!((point(0.0047) - (1.0 - hidden_share(0.0047, 0.0048, 0.0047))).abs() < 1e-9);
-        // The nearer one keeps its light, and a speck in front of the Sun has no effect.
+        // The nearer body keeps its light, and a tiny body in front of the Sun has no effect.
         assert_eq!(drawn(&[sun, moon(0.0)], &[0.0, 0.0])[1].point, 1.0);
         let speck = round(0.0, 1e9, 1e-5, 2e-4);
         assert_eq!(drawn(&[sun, speck], &[0.0, 0.0])[0], Parts { disc: 0.0, point: 1.0 });

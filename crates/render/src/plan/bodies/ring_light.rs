@@ -13,7 +13,7 @@ use crate::{
     scene::bodies::{Body, Light, SolarBody},
 };
 
-/// Places along each side of the rectangle around the rings at which globe and rings are compared.
+/// Number of sample positions along each side of the rectangle around globe and rings.
 const PLACES: i32 = 108;
 
 /// Whether a body has rings: Saturn with its measured light.
@@ -37,12 +37,12 @@ pub(super) fn lit_rings(body: &Body, eye_m: DVec3, light_lx: [f64; 3], suns: &mu
     }
     let to_body = body.orientation.conjugate();
     let [globe, ring] = open_shares(body, to_body * to_eye_m.normalize(), to_body * sun.direction);
-    // The measured light is that of what is visible.
+    // The measured light is that of the visible parts.
     let more = 1.0 / (globe * (1.0 - share) + ring * share).max(0.1);
     for sun in suns {
         sun.illuminance_lx = sun.illuminance_lx.map(|lx| lx * (1.0 - share) * more);
     }
-    // Without the air in between, whose transmission is applied to everything that is drawn.
+    // Divide by the transmission of the air in between: it is applied later, to everything that is drawn.
     Some([0, 1, 2].map(|c| light_lx[c] * share * more / unit / body.seen_through[c].max(1e-9)))
 }
 
@@ -52,20 +52,20 @@ fn zone_at(radius: f64) -> Option<rings::Zone> {
     rings::ZONES.into_iter().find(|zone| within && radius < zone.outer)
 }
 
-/// Shares of the light of the globe and of the rings that the eye sees: without the parts that the other hides from
-/// the eye or from the sun. Unit vectors in the axes of the body, from far away, on the same side of the rings.
+/// Shares of the light of the globe and of the rings that the eye sees, without the parts that the other one hides from the eye or from the sun. The
+/// directions are unit vectors in the axes of the body. Eye and sun are far away, on the same side of the rings.
 fn open_shares(body: &Body, to_eye: DVec3, to_sun: DVec3) -> [f64; 2] {
     let shape = body.radii_m / body.radii_m.x;
     let side = DVec3::Z.cross(to_eye).try_normalize().unwrap_or(DVec3::X);
     let up = to_eye.cross(side);
     let (mu_eye, mu_sun) = (to_eye.z.abs(), to_sun.z.abs());
     let [mut globe, mut ring] = [[0.0; 2]; 2];
-    // Little open rings are narrow: the square is flattened to globe and rings.
+    // Rings that are seen almost edge-on are narrow: reduce the height of the rectangle to that of globe and rings.
     let half_height = 1.0_f64.max(rings::OUTER * mu_eye);
     for (i, j) in (0..PLACES).flat_map(|i| (0..PLACES).map(move |j| (i, j))) {
         let place = |index: i32| (f64::from(index) + 0.5) / f64::from(PLACES) * 2.0 - 1.0;
         let place = side * (rings::OUTER * place(i)) + up * (half_height * place(j));
-        // Positions along the line of sight, towards the eye: of the globe's front, and of the plane of the rings.
+        // Positions of the globe's front and of the plane of the rings along the line of sight, counted towards the eye.
         let on_globe = meets_globe(place, to_eye, shape);
         let at_rings = -place.z / to_eye.z;
         let in_rings = place + to_eye * at_rings;

@@ -91,7 +91,7 @@ pub fn planned_ev100(
     let reference_sr = reference_arcmin.map(|side| (side * 60.0 * ARCSECOND_RAD).powi(2));
     let dark = stars.ev100_for(limiting_magnitude, reference_sr)?;
     let white_cd_m2 = lit.map_or(0.0, |lit| white_for_lit_cd_m2(lit, pictures));
-    // Without lit objects: minus infinity.
+    // This is minus infinity without lit objects.
     let bright = (white_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2();
     Some((dark.max(bright) + auto.compensation_ev).clamp(auto.min_ev100, auto.max_ev100))
 }

@@ -22,7 +22,7 @@ pub enum ExposureOrigin<'a> {
     Picture {
         /// Views of the picture.
         rig: Cow<'a, Rig>,
-        /// Settings that the picture is drawn with.
+        /// Settings with which the picture is drawn.
         settings: Box<RenderSettings>,
     },
 }

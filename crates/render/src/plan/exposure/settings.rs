@@ -1,7 +1,8 @@
 //! `[exposure]`: how light becomes display white.
 //!
-//! [`ExposureSettings`] hold only what has an effect with their mode and metering. Files and clients write the flat table of [`ExposureKeys`], in which
-//! every key may be left out; [`ExposureKeys::over`] makes settings of it, and [`ExposureKeys::check_effects`] refuses keys without effect.
+//! [`ExposureSettings`] hold only values that have an effect with their mode and metering. Files and clients write the flat table of
+//! [`ExposureKeys`]: every key may be left out; [`ExposureKeys::over`] converts it to settings, and [`ExposureKeys::check_effects`] rejects keys
+//! without effect.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -53,22 +54,23 @@ settings! {
         pub mode: ExposureMode = ExposureMode::Auto,
         /// `auto`: the light that determines the exposure.
         pub metering: Metering = Metering::LimitingMagnitude,
-        /// Metering `limiting_magnitude`: the faintest stars that the first view shows; they peak at 20 of 255.
-        // From brighter than any star to fainter than any telescope sees.
+        /// Metering `limiting_magnitude`: magnitude of the faintest stars that are visible in the first view. Their peak is code 20 of 255.
+        // The range extends from brighter than any star to fainter than any telescope detects.
         #[schemars(range(min = -10.0, max = 30.0))]
         pub limiting_magnitude: f64 = 6.5,
-        /// Metering `limiting_magnitude`: side of the square pixels for which the exposure is meant, so that a small picture is as bright as a large one; 0: the pixels of the first view.
-        // The whole sky as one square pixel has 203 degrees.
+        /// Metering `limiting_magnitude`: side of the square pixels for which the exposure is chosen, so that a small picture is as bright as a large
+        /// one. 0 means the pixels of the first view.
+        // A square pixel as large as the whole sky has sides of 203 degrees.
         #[schemars(range(min = 0.0, max = 12_000.0), extend("x-unit" = "arcminutes"))]
         pub reference_pixel_arcmin: f64 = 0.0,
-        /// `manual`: exposure value at ISO 100; display white is 1.2 * 2^ev100 cd/m^2. Unit of star methods of relative brightness.
+        /// `manual`: exposure value at ISO 100; display white is 1.2 * 2^ev100 cd/m^2. Star methods of relative brightness use it as their unit.
         #[schemars(range(min = EV100[0], max = EV100[1]))]
         pub ev100: f64 = -3.0,
         /// Metering `mean` and `spot`: fraction of display white at which the mean luminance is shown; the default is that of ISO 2720 and ISO 12232.
         #[schemars(range(min = 1e-6, max = 1.0), extend("x-unit" = "of display white"))]
         pub key: f64 = STANDARD_KEY,
         /// Metering `spot`: angle across the cone whose mean luminance is metered.
-        // Below 0.05 degrees a pixel of the meter is narrower than f32 resolves directions.
+        // Below 0.05 degrees a pixel of the meter is narrower than the resolution of directions in f32.
         #[schemars(range(min = 0.05, max = 90.0), extend("x-unit" = "degrees"))]
         pub spot_deg: f64 = 2.0,
         /// `auto`: exposure compensation, added to the exposure value; positive darkens.
@@ -205,7 +207,7 @@ impl AutoExposure {
         }
     }
 
-    /// Sum of key and compensation relative to the reading of a meter of the standards.
+    /// Offset to the reading of a standard meter: the sum of the effects of key and compensation.
     pub fn offset_ev(&self) -> f64 {
         self.compensation_ev + key_compensation_ev(self.key())
     }
@@ -238,7 +240,7 @@ impl ExposureSettings {
         }
     }
 
-    /// Exposure value of star methods of relative brightness: that of a fixed exposure, or the unit of an automatic one.
+    /// Exposure value that star methods of relative brightness use as their unit: the fixed one, or the unit of an automatic exposure.
     pub fn unit_ev100(&self) -> f64 {
         match self {
             Self::Manual { ev100 } => *ev100,
@@ -246,8 +248,8 @@ impl ExposureSettings {
         }
     }
 
-    /// The exposure of a frame if it is known before the frame is drawn: the manual one, the one that the frames
-    /// before have led to, or the one that follows from the plan ([`super::planned_ev100`]).
+    /// The exposure of a frame if it is known before the frame is drawn: the manual one, the one adapted from previous frames, or the one that
+    /// follows from the plan ([`super::planned_ev100`]).
     pub fn known_ev100(&self, adapted_ev100: Option<f64>, planned_ev100: Option<f64>) -> Option<f64> {
         match self {
             Self::Manual { ev100 } => Some(*ev100),
@@ -272,7 +274,7 @@ impl ExposureSettings {
     }
 }
 
-/// All keys that have an effect, as a configuration has them. `ev100` of an automatic exposure is among them.
+/// All keys that have an effect, as in a configuration. `ev100` of an automatic exposure is one of them.
 impl From<&ExposureSettings> for ExposureKeys {
     fn from(settings: &ExposureSettings) -> Self {
         let auto = match settings {
@@ -322,13 +324,13 @@ impl ExposureKeys {
         keys
     }
 
-    /// Names of the given keys that have no effect in the settings that they make over `general`.
+    /// Names of the given keys that have no effect in the settings that result from these keys over `general`.
     pub fn without_effect(&self, general: &ExposureSettings, stars_are_relative: bool) -> Vec<&'static str> {
         let effective = Self::with_effect(&self.over(general), stars_are_relative).given();
         self.given().into_iter().filter(|key| !effective.contains(key)).collect()
     }
 
-    /// Refuses given keys that have no effect in the settings that they make over `general`.
+    /// Rejects given keys that have no effect in the settings that result from these keys over `general`.
     ///
     /// # Errors
     ///

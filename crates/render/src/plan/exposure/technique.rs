@@ -26,7 +26,7 @@ pub struct ExposurePlan {
     /// Exposure whose display white is the luminance that the frame shows as white, if it is known: the known exposure, or that of the
     /// display transform.
     pub known_white_ev100: Option<f64>,
-    /// The same, or an estimate from the light in view: good to a fraction of a stop. `None`: there is nothing in view.
+    /// The same, or an estimate from the light in view, accurate to a fraction of a stop. `None`: there is nothing in view.
     pub expected_ev100: Option<f64>,
     /// Parameters of metering.
     pub metering: MeteringPlan,
@@ -61,7 +61,7 @@ impl Exposure {
     /// Finds the exposure that follows from the plan.
     fn plan_exposure(inputs: &PlanInputs<'_>, kept: &mut Kept, plan: &mut Plan) {
         let settings = inputs.settings;
-        // The pictures of a map of faint light have the exposure of its frames.
+        // The pictures of a map of faint light have the exposure of the frames that use the map.
         let is_of_map = matches!(inputs.sky, SkyUse::Part(_));
         let viewports: &[Viewport] = if is_of_map { &[] } else { &plan.views.all_viewports };
         let pictures = kept.pictures.for_viewports(viewports);
@@ -160,7 +160,7 @@ fn rounded(ev100: Option<f64>) -> Option<f64> {
     ev100.map(|ev100| f64::from(ev100 as f32))
 }
 
-/// Estimate of the exposure that will be metered, from the positions of the stars: good to a fraction of a stop.
+/// Estimate of the exposure that will be metered, from the positions of the stars, accurate to a fraction of a stop.
 fn expected_ev100(
     visible: &[VisibleChunk],
     bodies: Option<&BodyPlan>,

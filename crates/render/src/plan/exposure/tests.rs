@@ -79,7 +79,8 @@ fn the_mean_pixel_is_that_of_all_pixels_weighted_by_solid_angle() {
         println!("{kind:?}: mean pixel {:.4e} sr, {error:+.1e} of it too large", stars.pixels_sr[0]);
         assert!(error.abs() < 2e-3, "{kind:?}: {error}");
     }
-    // By hand: an equidistant dome's pixels have (pi / n)^2 sin(theta) / theta, which is 0.824 of the central one in this mean.
+    // By hand: the pixels of an equidistant dome have (pi / n)^2 sin(theta) / theta. Their mean, weighted by solid angle, is 0.824 of the central
+    // pixel.
     let (stars, _) = of_night(&[dome(1024)], &RenderSettings::default());
     assert!((stars.pixels_sr[0] / 7.756e-6 - 1.0).abs() < 2e-3, "{:e}", stars.pixels_sr[0]);
     assert!(of_night(&[dome(1)], &RenderSettings::default()).0.pixels_sr[0] > 6.0);
@@ -136,9 +137,9 @@ fn each_view_has_a_separate_limit_and_the_first_one_that_of_the_settings() {
         let expected = 5.0 + 2.5 * (stars.pixels_sr[0] / stars.pixels_sr[view]).log10();
         assert!((limits[view] - expected).abs() < 1e-9, "{limits:?}");
     }
-    // A quarter of the pixel: 1.505 magnitudes.
+    // Pixels of a quarter of the solid angle add 1.505 magnitudes to the limit.
     assert!((limits[1] - 6.505).abs() < 5e-3, "{limits:?}");
-    // A compensation by one stop is 0.75 mag.
+    // A compensation of one stop changes the limit by 0.75 mag.
     settings.exposure = ExposureValues { limiting_magnitude: 5.0, compensation_ev: 1.0, ..Default::default() }.into();
     let (stars, brighter) = of_night(&kinds, &settings);
     assert!((brighter.unwrap() - ev100.unwrap() - 1.0).abs() < 1e-12);
@@ -154,7 +155,7 @@ fn calibrated_displays_and_other_exposure_modes_ignore_the_plan() {
     settings.tone_map.operator = ToneMapOperator::Calibrated;
     let (stars, ev100) = of_night(&[dome(1024)], &settings);
     assert_eq!(ev100, settings.tone_map.white_ev100());
-    // 100 cd/m^2 in a dome of coarse pixels: code 20 is 0.7 cd/m^2, a star brighter than all but the Sun.
+    // With white at 100 cd/m^2, code 20 is 0.7 cd/m^2: in the coarse pixels of the dome, a star brighter than all but the Sun.
     let limit = stars.limiting_magnitude(0, -99.0).unwrap();
     let light = 0.006_995 * 100.0 * stars.pixels_sr[0] / BSPLINE_PEAK;
     assert!((limit - magnitude_from_illuminance_lx(light)).abs() < 1e-3, "{limit}");
@@ -193,7 +194,7 @@ fn sunlit_surfaces_over_a_thousandth_are_below_white_and_smaller_ones_approach_c
     };
     let mut previous = night;
     let mut largest_step = 0.0_f64;
-    // From 3000 radii, a disc of less than a pixel, to 2.
+    // From 3000 radii, where the disc is smaller than a pixel, to 2 radii.
     for step in 0..=200 {
         let distance = 3000.0 * (2.0_f64 / 3000.0).powf(f64::from(step) / 200.0);
         let bodies = planet(distance, false);
@@ -202,7 +203,7 @@ fn sunlit_surfaces_over_a_thousandth_are_below_white_and_smaller_ones_approach_c
         let share = PI / (distance * distance) / 1.0;
         if share > 2e-3 {
             let over = white_luminance_cd_m2(ev100) / white;
-            // Near the limb, Lommel and Seeliger's law gives a near eye up to twice the luminance.
+            // For a near eye, the luminance near the limb is up to twice as large, by Lommel and Seeliger's law.
             assert!((0.97..2.0).contains(&over), "at {distance}: white is {over} of the surface");
         } else if share < 2e-6 {
             assert!((ev100 - night).abs() < 1e-6, "at {distance}: {ev100} instead of {night}");
@@ -234,12 +235,12 @@ fn a_picture_within_a_disc_is_exposed_for_it_and_hidden_discs_do_not_count() {
     settings.glare.method = GlareMethod::None;
     let view = [flat([400, 400], 20.0)];
     let night = of_night(&view, &settings).1.unwrap();
-    // So near that the disc is wider than the picture.
+    // The body is so near that its disc is wider than the picture.
     let within = planned(planet(1.2, false), &view, &settings);
     let whole = planned(planet(8.0, false), &view, &settings);
-    // 5000 cd/m^2, and the brighter limb if the whole disc is visible.
+    // White is 5000 cd/m^2, and more if the whole disc, with its brighter limb, is visible.
     assert!((within - 12.0).abs() < 0.1 && (within..within + 1.0).contains(&whole), "{night} {within} {whole}");
-    // With a dark body in front.
+    // Place a dark body in front.
     let mut hidden = planet(20.0, false);
     let mut screen = Body::preset(SolarBody::Moon, "screen", DVec3::NEG_Z * 2e7);
     screen.radii_m = DVec3::splat(1.5e7);
@@ -253,7 +254,7 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
     let settings = RenderSettings::default();
     let view = [dome(512)];
     let night = of_night(&view, &settings).1.unwrap();
-    // The dome looks along +y of the camera's axes; the Sun overhead, on the horizon, and below it.
+    // The dome looks along +y of the camera's axes. The Sun is overhead, on the horizon, and below it.
     let with_sun_at =
         |direction: DVec3| planned(vec![Body::preset(SolarBody::Sun, "sun", direction * AU_M)], &view, &settings);
     let viewports = rig(&view).viewports(DQuat::IDENTITY);
@@ -261,7 +262,7 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
     let side = viewports[0].world_from_view * DVec3::X;
     let [overhead, horizon, below] = [with_sun_at(zenith), with_sun_at(side), with_sun_at(-zenith)];
     println!("night {night:.2}, Sun overhead {overhead:.2}, on the horizon {horizon:.2}, below {below:.2}");
-    // By hand: 0.1 of 1.26e5 lx, 0.02166 / theta^2 per sr; half of a dome lies beyond 60 degrees of its zenith.
+    // By hand: 0.1 of 1.26e5 lx is scattered, 0.02166 / theta^2 per sr; half of a dome lies beyond 60 degrees from its zenith.
     let veil = 0.1 * 1.26e5 * 0.02166 / 60f64.to_radians().powi(2);
     assert!((white_luminance_cd_m2(overhead) / (veil / 0.18) - 1.0).abs() < 0.1, "{overhead}");
     assert!(overhead > horizon && horizon > below && below > night + 5.0);
@@ -270,7 +271,7 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
     ground.radii_m = DVec3::splat(6.399e6);
     let sunset = planned(vec![ground, Body::preset(SolarBody::Sun, "sun", -zenith * AU_M)], &view, &settings);
     assert!((sunset - night).abs() < 1e-6, "{sunset}");
-    // The full Moon, 14 magnitudes fainter, hardly changes it: its veil is a fifth of white already.
+    // The full Moon, 14 magnitudes fainter, hardly changes the exposure: without a change, its veil is already a fifth of white.
     let mut moon = Body::preset(SolarBody::Moon, "moon", zenith * 3.84e8);
     moon.emission = Some(Emission { luminance_cd_m2: [4e3; 3], limb_darkening: 0.0, corona: false });
     let moonlit = planned(vec![moon], &view, &settings);
@@ -282,7 +283,7 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
 fn a_small_picture_is_as_bright_as_the_large_one_for_whose_pixels_the_exposure_is_meant() {
     let large = of_night(&[dome(4096)], &RenderSettings::default());
     let side_arcmin = large.0.pixels_sr[0].sqrt().to_degrees() * 60.0;
-    // By hand: 54.47 arcminutes per degree of a dome's field of view and pixel of its size.
+    // By hand: the side is 54.47 arcminutes times the field of view in degrees, divided by the dome's size in pixels.
     assert!((side_arcmin - 54.47 * 180.0 / 4096.0).abs() < 0.003, "{side_arcmin}");
     let exposure: ExposureSettings =
         ExposureValues { reference_pixel_arcmin: side_arcmin, ..Default::default() }.into();
@@ -294,7 +295,7 @@ fn a_small_picture_is_as_bright_as_the_large_one_for_whose_pixels_the_exposure_i
         assert!((ev100.unwrap() - large.1.unwrap()).abs() < 1e-9, "{kind:?}: {ev100:?} instead of {:?}", large.1);
         let own = of_night(std::slice::from_ref(&kind), &RenderSettings::default()).1.unwrap();
         assert!((own - ev100.unwrap()).abs() > 1.0, "{kind:?}: {own}");
-        // The limit of a view is that of its own pixels.
+        // The limiting magnitude of a view depends on its own pixels.
         let brighter = 2.5 * (stars.pixels_sr[0] / large.0.pixels_sr[0]).log10();
         let limit = stars.limiting_magnitude(0, ev100.unwrap()).unwrap();
         assert!((limit - 6.5 + brighter).abs() < 1e-6, "{kind:?}: {limit}");

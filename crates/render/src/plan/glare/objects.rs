@@ -19,7 +19,7 @@ pub const MOST_SOURCES: usize = 256;
 /// Minimum and maximum number of parts of a disc that has parts.
 const LEAST_PARTS: usize = 12;
 const MOST_PARTS: usize = 48;
-/// Minimum number of lit parts; a crescent has more and smaller parts, up to the second number for the whole disc.
+/// Minimum number of lit parts. To reach it, the disc of a crescent is divided into more and smaller parts, at most about the second number.
 const LEAST_LIT: usize = 6;
 const MOST_OF_CRESCENT: usize = 2048;
 /// Half width of a part in disc radii, times the root of the number of parts: wide enough that a disc of parts is smooth.
@@ -86,7 +86,7 @@ pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64
     let mut brightest: Vec<&(usize, [f64; 3])> = lights.iter().filter(|(_, light)| luminance(*light) > 0.0).collect();
     brightest.sort_by(|(_, a), (_, b)| luminance(*b).total_cmp(&luminance(*a)));
     brightest.truncate(MOST_SOURCES);
-    // Every body has its whole; the brightest ones have parts.
+    // Every body is one source; the brightest bodies also have parts.
     let mut left = MOST_SOURCES - brightest.len();
     let mut sources = Vec::new();
     for (number, light) in brightest {
@@ -100,7 +100,7 @@ pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64
     sources
 }
 
-/// The share of a body that others do not hide; `None`: all of it.
+/// Source of glare for the part of a body that others do not hide; `None`: all of the body is hidden.
 fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3], suns: &[Sun]) -> Option<Source> {
     let body = &objects.bodies[number];
     let offset_m = body.position_m - eye_m;
@@ -228,7 +228,7 @@ mod tests {
         assert!(!sources[0].parts.is_empty() && sources.last().unwrap().parts.is_empty());
     }
 
-    /// If the Moon covers the Sun, nothing scatters; if it covers half, about half does.
+    /// If the Moon covers the Sun, no light is scattered. If it covers half of the Sun, about half of the light is.
     #[test]
     fn hidden_light_does_not_scatter() {
         let share = |aside: f64| {

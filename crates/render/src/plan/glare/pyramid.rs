@@ -1,7 +1,7 @@
 //! Parameters of the published glare pyramids: sizes and weights of the levels, and the blur between levels.
 //!
 //! Level 0 has half the picture's resolution, every level half that of the previous one. A level is the previous one, averaged over two by two
-//! texels and blurred by a Gaussian of [`SIGMA_TEXELS`] of its own texels along both axes. So the width
+//! texels and blurred by a Gaussian of [`SIGMA_TEXELS`] texels of the new level along both axes. So the width
 //! of the blur doubles from level to level, and the weighted sum over the levels is the published sum of Gaussians.
 //!
 //! A blurred image is normalised to the light it contains, so level i alone has a peak of 1/(2 pi sigma_i^2): equal weights result in
@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 
 use crate::plan::settings::{GlareMethod, PyramidWeights};
 
-/// Standard deviation of the blur that makes a level, texels of the level.
+/// Standard deviation of the blur from which a level results, texels of the level.
 pub const SIGMA_TEXELS: f64 = 1.0;
 
 /// Taps on either side of the central one.
@@ -75,8 +75,8 @@ impl PyramidPlan {
         unscaled.into_iter().map(|weight| weight / sum).collect()
     }
 
-    /// Fraction of a point's light that falls on a pixel at that distance, for a picture without borders and without the averages of
-    /// single pixels: a sum of Gaussians.
+    /// Fraction of a point's light that falls on a pixel at that distance, as a sum of Gaussians. The borders of the picture and averages over single
+    /// pixels are ignored.
     pub fn per_px2(&self, weights: PyramidWeights, distance_px: f64) -> f64 {
         let gaussian = |(level, weight): (usize, f64)| {
             let variance = level_sigma_px(level).powi(2);
@@ -130,7 +130,7 @@ mod tests {
         let [middle, aside @ ..] = tap_weights();
         assert!((middle + 2.0 * aside.iter().sum::<f64>() - 1.0).abs() < 1e-15);
         let variance: f64 = aside.iter().zip(1..).map(|(weight, k)| 2.0 * weight * f64::from(k * k)).sum();
-        // The light beyond the last tap is missing.
+        // The light beyond the last tap is lost.
         assert!(variance < 1.0 && variance > 0.99, "{variance}");
         let plan = PyramidPlan::new([256, 256]);
         assert!((plan.level_weights(PyramidWeights::Halved)[1] * 63.0 - 16.0).abs() < 1e-12);

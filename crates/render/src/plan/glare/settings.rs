@@ -25,9 +25,9 @@ pub enum GlareMethod {
     None,
     /// Convolution on the sphere: a low-resolution map shared by all views, and sprites near the sources.
     SkyCube,
-    /// Published: a pyramid of images blurred along the axes of the screen.
+    /// The published method: a pyramid of images that are blurred along the axes of the screen.
     ScreenPyramid,
-    /// Published: a pyramid of images blurred along axes of view space.
+    /// The published method: a pyramid of images that are blurred along axes of view space.
     ViewPyramid,
 }
 
@@ -56,9 +56,9 @@ impl GlareMethod {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PyramidWeights {
-    /// Each level half as much as the one before, as published: falls off as theta^-3.
+    /// Each level has half the weight of the previous one, as published. The glare falls off as theta^-3.
     Halved,
-    /// All equal: falls off as theta^-2.
+    /// All levels have equal weights. The glare falls off as theta^-2.
     #[default]
     Equal,
 }
@@ -70,7 +70,7 @@ settings! {
         pub method: GlareMethod = GlareMethod::Auto,
         /// Kernel of `sky_cube`; the pyramids have fixed kernels.
         pub kernel: GlareKernelName = GlareKernelName::InverseSquare,
-        /// Angle below which the kernel is constant; minimum width of the `gaussians`.
+        /// Angle below which the kernel is constant. For `gaussians`, their minimum width.
         #[schemars(range(max = 180.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
         pub inner_deg: f64 = 0.1,
         /// Fraction of the light that is scattered.
@@ -81,13 +81,13 @@ settings! {
         pub age_years: f64 = 35.0,
         /// `cie`: colour of the iris.
         pub eye_colour: EyeColour = EyeColour::default(),
-        /// `cie`: whether the formula determines the scattered fraction, instead of `fraction` (0.39 at 35 years); it must be at most 1.
+        /// `cie`: whether the formula determines the scattered fraction (0.39 at 35 years) instead of `fraction`. The result must be at most 1.
         pub absolute: bool = false,
         /// Weights of the levels of the pyramids; with `auto` they apply to `cell_sky`.
         pub weights: PyramidWeights = PyramidWeights::Equal,
     }
     optional {
-        /// `psf`: CSV file with the columns theta_deg,per_sr, or an EXR or FITS image; needed for this kernel.
+        /// `psf`: CSV file with the columns theta_deg,per_sr, or an EXR or FITS image. Required for this kernel.
         pub psf_file: PathBuf,
     }
 }
@@ -99,7 +99,7 @@ impl KeyEffects for GlareSettings {
         self.with(keys)
     }
 
-    /// `psf_file` never has an obstacle: only a configuration can give it, for views whose kernel becomes `psf` later.
+    /// `psf_file` is never reported as without effect: only a configuration can set it, and it may do so for views whose kernel becomes `psf` later.
     fn obstacle(&self, key: &str) -> Option<Obstacle> {
         let method = || format!("method = \"{}\"", self.method.name());
         let (present, needed) = match key {
@@ -155,11 +155,11 @@ impl GlareSettings {
         self.absolute && self.kernel == GlareKernelName::Cie
     }
 
-    /// The method of a frame with the given star method. `sky_cube` reads the catalogue; if no star of it is
-    /// drawn, glare can only be computed from the image.
+    /// The method of a frame with the given star method. `sky_cube` reads the catalogue. If none of the catalogue's stars is drawn, glare can only be
+    /// computed from the image.
     pub fn chosen(&self, stars: StarMethod) -> GlareMethod {
         match self.method {
-            // A kernel with its own fraction scatters light whatever `fraction` is.
+            // A kernel that determines its own fraction scatters light whatever `fraction` is.
             _ if self.fraction == 0.0 && !self.is_absolute() => GlareMethod::None,
             GlareMethod::Auto if stars.draws_catalogue() => GlareMethod::SkyCube,
             GlareMethod::Auto => GlareMethod::ViewPyramid,
@@ -200,7 +200,7 @@ mod tests {
         let relative = GlareSettings { kernel: GlareKernelName::Cie, fraction: 0.25, ..GlareSettings::default() };
         assert_eq!(relative.fraction_scattered(), 0.25);
         let absolute = GlareSettings { absolute: true, ..relative };
-        // 28 per cent between 0.1 and 100 degrees, and the formula's light below and beyond.
+        // The formula scatters 28 per cent between 0.1 and 100 degrees, and the rest below and beyond.
         let share = absolute.fraction_scattered();
         assert!((share - 0.39).abs() < 2e-3, "{share}");
         let old = GlareSettings { age_years: 80.0, ..absolute.clone() };

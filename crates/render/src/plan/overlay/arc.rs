@@ -49,9 +49,9 @@ impl Arc {
         }
         let (u, end) = (from_m * near_from, to_m * near_to);
         let angle = u.cross(end).length().atan2(u.dot(end));
-        // A line that points at the eye is a point, and has no plane with it.
+        // A line that points at the eye appears as a point, and does not define a plane with the eye.
         let v = (end - u * u.dot(end)).try_normalize().filter(|_| angle > 1e-12 && angle < PI - 1e-9)?;
-        // The inverse distance at `angle` must be `near_to`; 1 - cos without cancellation.
+        // The inverse distance at `angle` must be `near_to`. 1 - cos is computed without cancellation.
         let rise = near_to - near_from + near_from * 2.0 * (angle / 2.0).sin().powi(2);
         let nearness = [near_from, rise / angle.sin()];
         Some(Self { centre: DVec3::ZERO, u, v, angles: [0.0, angle], nearness, before_all: false })

@@ -25,7 +25,7 @@ pub fn sort_into_blocks(items: &[Item], first_items: &[usize], viewports: &[View
     for (number, viewport) in viewports.iter().enumerate() {
         let [columns, rows] = viewport.size().map(|side| side.div_ceil(BLOCK_PX));
         let range = first_items[number]..first_items[number + 1];
-        // First count, then place.
+        // First count the entries of each block, then store them.
         let mut counts = vec![0_u32; (columns * rows) as usize];
         for item in &items[range.clone()] {
             touched(&item.shape, [columns, rows], &mut |block| counts[block] += 1);

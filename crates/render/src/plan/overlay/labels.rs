@@ -50,7 +50,7 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, objects: &SceneObje
         let (direction, nearness) = match label.anchor {
             Anchor::Direction(direction) => (direction, AT_INFINITY),
             Anchor::Point(point_m) => (point_m - eye.position_m, nearness(eye, objects, point_m)),
-            // In view axes, and without an observer there is no such label: see `Overlay::check_observer`.
+            // The direction is in view axes. Without an observer there is no such label: see `Overlay::check_observer`.
             Anchor::Horizon(place) => (eye.towards_horizon(place).unwrap_or(DVec3::ZERO), AT_INFINITY),
         };
         if direction.length_squared() == 0.0 {

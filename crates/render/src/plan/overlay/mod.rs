@@ -384,7 +384,7 @@ impl Drawing<'_> {
         Ok(())
     }
 
-    /// Draws lines in world axes, as one stroke; `bent`: refracted by air, if there is any.
+    /// Draws lines in world axes, as one stroke. `bent`: whether air, if there is any, refracts them.
     fn lines(
         &mut self,
         eye: &Eye<'_>,

@@ -17,7 +17,7 @@ pub const HEADER_WORDS: usize = 14;
 const LEAST_TEXEL_PX: f64 = 0.7;
 /// Step along the upward direction, rad.
 const UP_STEP_RAD: f64 = 1e-4;
-/// Part of a block's reach by which it is enlarged, for blocks between its samples.
+/// Factor on the angular spread of a block's samples, which covers the directions between them.
 const REACH: f64 = 1.3;
 
 /// Where the texels of the levels of pictures begin, 32-bit words.

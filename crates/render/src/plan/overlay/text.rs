@@ -175,7 +175,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// The line with the given height, pixels. Characters that the font lacks become its box.
+    /// The line with the given height, pixels. Characters that the font lacks are drawn as the font's box.
     pub fn new(text: &str, size_px: f64) -> Self {
         let font = font();
         let scale = size_px / f64::from(font.units_per_em().unwrap_or(1000.0));

@@ -52,7 +52,7 @@ pub struct Tracer<'a> {
     /// Width of an image that continues at its sides, pixels.
     wrap_px: Option<f64>,
     margin_px: f64,
-    /// Visible cone, and greatest change of angles by the map; `None` if that is large.
+    /// Visible cone, and greatest change of angles by the map; `None` if the change is large.
     cone: Option<BoundingCone>,
     pieces: Vec<Piece>,
 }

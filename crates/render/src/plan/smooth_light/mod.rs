@@ -1,14 +1,14 @@
-//! The map of faint light: pictures of the sky, fixed in the world, which contain the sum of all stars that are only a few
-//! steps bright in a display image. A frame reads the map pixel by pixel, so that its cost does not depend on the number of these
-//! stars. The map is made again for another camera position, and is reused while the camera turns.
+//! The map of faint light: pictures of the sky, fixed in the world, that contain the sum of all stars whose brightness in a display image is only a
+//! few steps. A frame reads the map pixel by pixel, so that its cost does not depend on the number of these stars. The map is reused while the camera
+//! turns, and made again for another camera position.
 //!
-//! Wide views read the six round pictures of the whole sky of [`crate::sky_pictures`]. The texels of narrow windows are too small for that: they read
-//! the pieces of [`pieces`], of which only those in view are drawn. In both, no star is cut by an edge.
+//! Wide views read the six round pictures of the whole sky of [`crate::sky_pictures`]. Narrow views need texels too small for that: they read the
+//! pieces of [`pieces`], of which only those in view are drawn. Neither kind of picture cuts a star at its edge.
 //!
-//! A star is divided among nine texels (the quadratic B-spline), and a
-//! pixel is interpolated between four (the tent): on average a variance of (1/4 + 1/6) texels^2. [`OF_TENT`] makes it equal to that of the tent, 1/6 px^2,
-//! with which exact images draw such stars. With the tent in both places, the error would vary more with the place of a star among the texels. It varies
-//! less with smaller texels that are blurred when they are stored: they may hold brighter stars.
+//! The light of a star is divided among nine texels (the quadratic B-spline), and a pixel is interpolated between four (the tent). The average
+//! variance is (1/4 + 1/6) texels^2. The size of texels in [`OF_TENT`] makes it equal to the variance of the tent with which exact images draw such
+//! stars, 1/6 px^2. With the tent for both steps, the error would vary more with the position of a star among the texels. It varies less for smaller
+//! texels that are blurred when they are stored, so these may hold brighter stars.
 
 pub mod pieces;
 
@@ -54,26 +54,28 @@ use crate::{
 struct Texels {
     /// Side at the centre of a view, pixels.
     side_px: f64,
-    /// Weights of the neighbours at distances of one and two texels, of which a texel is the mean along each axis when it is stored.
+    /// When a texel is stored, it is averaged with its neighbours along each axis: weights of the neighbours at distances of one and two texels.
     blur: [f64; 2],
     /// Greatest difference of a star's light in a pixel from that in exact images, relative to texels without blur.
     error: f64,
 }
 
-/// Of stars that exact images draw with the tent.
+/// Texels for stars that exact images draw with the tent.
 const OF_TENT: Texels = Texels { side_px: 0.632, blur: [0.0; 2], error: 1.0 };
-/// Of a deep store, whose faint stars exact images draw with the B-spline: pictures of the whole sky. Measured with `benches/deep_patches.rs`.
+/// Texels of pictures of the whole sky for a deep store, whose faint stars exact images draw with the B-spline. Measured with
+/// `benches/deep_patches.rs`.
 const OF_DEEP: Texels = Texels { side_px: 0.65, ..OF_TENT };
-/// The same in pieces, from the best to those of the least memory. Larger texels than those of the same variance have smaller errors. Blurred texels
-/// have 7 % of a star's light as their greatest difference, others 21 %: over all places of a star among the texels, and all angles of these to
-/// square pixels. The pixels of a dome are not nearly square, so that domes gain half of that: they have no blurred texels.
+/// The same for pieces, from the best texels to those that need the least memory. Texels larger than those of equal variance have smaller errors. The
+/// greatest difference is 7 % of a star's light for blurred texels and 21 % for others, over all positions of a star among the texels and all angles
+/// between texels and square pixels. Domes would gain only half of this, because their pixels are far from square, so they have no blurred texels.
 const OF_DEEP_PIECES: [Texels; 2] =
     [Texels { side_px: 0.45, blur: [0.291, 0.0243], error: 0.38 }, Texels { side_px: 0.85, ..OF_TENT }];
-/// Largest cell of the composite stars of a deep store, pixels: less than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds to the error.
+/// Largest cell of the composite stars of a deep store, pixels. It is smaller than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds
+/// to the error.
 pub(super) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
-/// The same of the central pixel, for a deep store: a pixel may have the errors of several such stars. Measured with `benches/deep_patches.rs`.
+/// The same for the central pixel, for a deep store: the errors of several such stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
 const BRIGHTEST_STEPS_AT_CENTRE: f64 = 0.8;
 /// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
@@ -84,9 +86,9 @@ const MOST_VIEW_RATIO: f64 = 1.25;
 /// Greatest distance of an eye from the camera for which the map's stars have the right direction.
 const FARTHEST_EYE_M: f64 = 1e9;
 
-/// Number of pictures that are drawn in one frame of their own.
+/// Number of pictures that are drawn in one separate frame.
 pub const PICTURES_AT_ONCE: usize = 8;
-/// Words of a buffer for pieces over those of the pieces that a frame reads, so that pieces of other sizes find room.
+/// Ratio of the words of a buffer for pieces to those of the pieces that a frame reads, so that there is room for pieces of other sizes.
 const SPARE: f64 = 1.3;
 /// Words of a piece before its texels.
 pub const PIECE_WORDS: u32 = 12;
@@ -129,12 +131,12 @@ pub struct SkyPart {
 }
 
 impl SkyMap {
-    /// Position of the camera of its pictures, m.
+    /// Position from which its pictures are drawn, m.
     pub fn camera_m(&self) -> DVec3 {
         self.place_pc * PARSEC_M
     }
 
-    /// Angle of a texel along the radius of a picture of the whole sky, rad; of pieces the least tangent at their centre.
+    /// Angle of a texel along the radius of a picture of the whole sky, rad. For pieces, the least tangent of a texel at their centre.
     pub fn texel_rad(&self) -> f64 {
         match self.layout {
             SkyLayout::Whole { side } => SkyPictures { side }.texel_rad(),
@@ -147,7 +149,7 @@ impl SkyMap {
         CELL_PX / self.texels.side_px
     }
 
-    /// Weights of the neighbours at distances of one and two texels in a texel, along each axis.
+    /// Weights of the neighbours with which a texel is blurred, at distances of one and two texels along each axis.
     pub fn blur(&self) -> [f64; 2] {
         self.texels.blur
     }
@@ -231,15 +233,16 @@ struct SkyInputs<'a> {
 pub struct SkyPlan {
     /// The map.
     pub map: SkyMap,
-    /// Number of stars in the map over the whole sky. Of a deep store those of the layers of which the frame draws none itself.
+    /// Number of stars in the map over the whole sky. Stars of a deep store count if the frame itself draws none of their layer.
     pub in_map: u64,
-    /// Number of stars of each chunk of the scene in the map.
+    /// For each chunk of the scene, the number of its stars in the map.
     in_map_of_chunk: Arc<[u64]>,
-    /// The other stars, in separate, full chunks, since only few stars of each chunk of the scene are left.
+    /// The other stars, collected into new, full chunks, since only few stars of each chunk of the scene remain.
     pub others: Arc<StarSet>,
     /// The pictures that the frame reads.
     pub read: Arc<[WantedPicture]>,
-    /// Number of stars and composite stars of a deep store that the map must save a frame, besides the other stars in it, to be worth its cost.
+    /// Number of stars and composite stars of a deep store that a frame must not have to draw, besides the other stars in the map, for the map to be
+    /// worth its cost.
     least_saved: f64,
 }
 
@@ -249,7 +252,7 @@ impl SkyPlan {
         self.least_saved <= 0.0
     }
 
-    /// Number of stars and composite stars of a deep store that the map must save a frame to be worth its cost.
+    /// Number of stars and composite stars of a deep store that a frame must not have to draw for the map to be worth its cost.
     pub(super) fn least_saved(&self) -> u64 {
         self.least_saved.ceil().max(0.0) as u64
     }
@@ -264,7 +267,7 @@ pub struct SmoothLightPlan {
     pub part: Option<SkyPart>,
 }
 
-/// Plans [`SmoothLightPlan`], and keeps how the last map divides the stars.
+/// Plans [`SmoothLightPlan`], and keeps the last division of the stars between map and frame.
 #[derive(Default)]
 pub(super) struct SmoothLight {
     divided: Option<(Weak<StarSet>, SkyPlan)>,
@@ -295,7 +298,7 @@ impl SmoothLight {
     }
 }
 
-/// Number of stars that views see, from the number in each chunk.
+/// Number of stars in the chunks that are in view, from the number in each chunk.
 fn in_view(inputs: &SkyInputs<'_>, of_chunk: &(dyn Fn(usize) -> u64 + Sync)) -> f64 {
     let SkyInputs { stars, camera_pc, viewports, cull, .. } = inputs;
     let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
@@ -314,7 +317,7 @@ impl Technique for SmoothLight {
     ) -> Result<(), PlanError> {
         match step {
             Step::Light => {
-                // Without a known exposure all stars have been selected already, to estimate it.
+                // Without a known exposure, all stars have already been selected, to estimate the exposure.
                 let may_read_map = inputs.sky == SkyUse::Map
                     && inputs.limits.reads_faint_map
                     && plan.exposure.known_white_ev100.is_some()
@@ -344,8 +347,9 @@ impl Technique for SmoothLight {
     }
 }
 
-/// Bound of the error of the brightest star that a map may contain in these views: weights of its kernel and of the tent are between 0 and
-/// 1, and blurred texels differ less. The budget bounds the error of a pixel; a single star may have [`BRIGHTEST_STEPS`] of it, because its light is not lost but spread.
+/// Bound of the error of the brightest star that a map may contain in these views. The error is at most the star's light, since the weights of its
+/// kernel and of the tent are between 0 and 1; blurred texels have a smaller error. The budget is for the error of a pixel. A single star may have
+/// [`BRIGHTEST_STEPS`] of it, because its light is not lost but spread.
 fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: ErrorBudget) -> Approximation {
     let name = "the brightest star in the map of faint light, compared with that star drawn individually";
     let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
@@ -355,7 +359,7 @@ fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: Erro
 }
 
 /// Illuminance of the brightest star of the map of a deep store over the solid angle of the smallest pixel, in steps of the display image, for texels
-/// without blur. It is a multiple of the same factor, so that a zoom changes it rarely.
+/// without blur. It is rounded to steps of a fixed factor, so that it seldom changes during a zoom.
 fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
     let middle_rad =
         viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(f64::INFINITY, f64::min);
@@ -374,7 +378,7 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     let whole = whole.map(|rad| SkyPictures::of_texels(of_whole.side_px * rad)).filter(|whole| {
         4 * whole.texels() <= limits.max_binding_bytes
             && whole.side <= limits.max_view_side_px
-            // For pictures of the whole sky, all stars of such a layer would have to be read.
+            // For pictures of the whole sky, all stars of every layer that reaches this illuminance would have to be read.
             && (deep.is_none() || layers_from(below_lx) == 0)
     });
     if let Some(SkyPictures { side }) = whole {
@@ -413,7 +417,7 @@ fn in_pieces(
 ) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     let SkyInputs { viewports, step_cd_m2, cull, limits, .. } = inputs;
     let grid = PieceGrid::of_texels(texels.side_px * smallest_sr.sqrt())?;
-    // The limit of a star's light keeps its value while a zoom does not change the texels.
+    // While a zoom does not change the texels, the limit of a star's light does not change either.
     let most_sr = (grid.texel / texels.side_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
     let below_lx = brightest_steps / texels.error * step_cd_m2 * smallest_sr.min(most_sr);
     // If every layer of a deep store is drawn star by star, the map has no composite stars.
@@ -433,13 +437,14 @@ pub fn piece_words(grid: &PieceGrid, picture: SkyPicture) -> u32 {
     PIECE_WORDS + width * height
 }
 
-/// Words of a buffer with room for the pictures that a frame reads: the table of the pieces, then the pieces, of which none moves when others leave.
+/// Words of a buffer for the pictures that a frame reads: the table of the pieces, then the pieces, with spare room so that no piece has to move when
+/// others are replaced.
 pub fn words_needed(grid: &PieceGrid, read: &[WantedPicture]) -> u64 {
     let words: u64 = read.iter().map(|wanted| u64::from(piece_words(grid, wanted.drawn()))).sum();
     u64::from(grid.pieces()) + (SPARE * words as f64) as u64
 }
 
-/// The pieces that views see, with texels of `texel_px` of their smallest pixels there.
+/// The pieces that are in view, with texels of `texel_px` of the views' smallest pixels at each piece.
 fn pieces_in(grid: &PieceGrid, texel_px: f64, viewports: &[Viewport], cull: &CullSettings) -> Arc<[WantedPicture]> {
     let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
     let wanted = |number: u32| {
@@ -458,7 +463,8 @@ pub(super) fn fit_one_map(viewports: &[Viewport]) -> bool {
     finest_pixel_rad(viewports, LEAST_RATIO_OF_PIECES).is_some()
 }
 
-/// The smallest central pixel of the views, rad; `None`: no map fits all of them. Pixels of a view may have this ratio to the central one.
+/// The smallest central pixel of the views, rad; `None`: no map fits all of them. `least_ratio` is the least permitted ratio of a view's smallest
+/// pixel to its central one.
 fn finest_pixel_rad(viewports: &[Viewport], least_ratio: f64) -> Option<f64> {
     let fits = |viewport: &Viewport| {
         let projection = &viewport.projection;
@@ -578,7 +584,7 @@ mod tests {
                 let pixel = viewport.projection.mapping().pixel_from_direction(in_view).unwrap();
                 let off = pixel - 0.5 * f64::from(side);
                 assert!(off.length() < 0.5 * f64::from(side) - 3.0, "{side} {towards} {off}");
-                // Right, up and forwards are world axes, as in the shader.
+                // The axes right, up and forwards are world axes, as in the shader.
                 let sign = if towards[axis] < 0.0 { -1.0 } else { 1.0 };
                 let [right, up] = [sign * towards[(axis + 2) % 3], towards[(axis + 1) % 3]];
                 let scale = (right.hypot(up)).atan2(towards[axis].abs()) / right.hypot(up) / map.texel_rad();
@@ -607,7 +613,7 @@ mod tests {
         let light: f64 = others.iter().map(seen_from_map).sum();
         let expected: f64 = seen.iter().filter(|lx| **lx >= map.below_lx).sum();
         assert!((light / expected - 1.0).abs() < 1e-6, "{light} {expected}");
-        // Not a bit of a star's light is lost.
+        // The stars' light is preserved to the last bit.
         let words = |set: &StarSet, least_lx: f64| {
             let bright = set.iter().filter(|(place, _, star)| light_at(*place - map.place_pc, star, None) >= least_lx);
             let mut words: Vec<u32> = bright.map(|(.., star)| star.light).collect();

@@ -1,9 +1,9 @@
-//! A map of the sky in pieces: small flat pictures, each around its own direction, fixed in the world. A narrow view needs few of them, so they may have
-//! smaller texels than pictures of the whole sky, and while the camera turns only those are drawn that come into view.
+//! A map of the sky in pieces: small flat pictures, each around its own direction, fixed in the world. A narrow view needs few of them, so their
+//! texels may be smaller than those of pictures of the whole sky. While the camera turns, only pieces that come into view are drawn.
 //!
-//! A face of a cube around the camera is divided into `per_edge` by `per_edge` pieces by lines of constant [`edge_from_tangent`] of the two tangents. Such a
-//! piece is a quadrilateral with straight edges in its own flat picture. The texels of a picture have one of several sizes, because pixels at the edge of a
-//! flat view are smaller than at its centre. Shader: `shaders/shared/sky_pieces.wgsl`.
+//! A face of a cube around the camera is divided into `per_edge` by `per_edge` pieces by lines of constant [`edge_from_tangent`] of the two tangents.
+//! Such a piece is a quadrilateral with straight edges in its own flat picture. Each picture has texels of one of several sizes, because pixels at
+//! the edge of a flat view are smaller than at its centre. Shader: `shaders/shared/sky_pieces.wgsl`.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -13,20 +13,21 @@ use crate::{sky_pictures::world_from_face, view::projection::BoundingCone};
 pub const PIECE_SIDE: u32 = 512;
 /// Greatest number of pieces along the edge of a face.
 pub const MOST_PER_EDGE: u32 = 256;
-/// Texels around a piece. The pixels of a plain block read the piece of the middle of a part of 8 by 8 pixels: up to 5.7 pixels of 1.25 times the size
-/// of the finest view, [`LEVELS_READ`] larger, of at most 2.23 texels, two texels for the tent and rounding, and two for blur.
+/// Width of the margin around a piece, texels. Each part of 8 by 8 pixels of a plain block reads the piece at its middle. So pixels up to 5.7 pixels
+/// outside the piece read it. In texels, this distance is multiplied by 1.25 (largest size of pixels relative to the finest view), by the factor of
+/// [`LEVELS_READ`] levels, and by 2.23 (texels per pixel, at most). Two texels are added for the tent and rounding, and two for blur.
 const MARGIN_TEXELS: f64 = 31.0;
-/// Levels of texels of which one doubles their size.
+/// Number of levels over which the size of texels doubles.
 const LEVELS_PER_OCTAVE: f64 = 8.0;
 /// The coarsest level.
 const COARSEST_LEVEL: u8 = 24;
-/// A picture is not read if its level differs by more than this from the one that is wanted: the brightest star of a map is then off by less than a code.
+/// A picture is read if its level differs by at most this from the wanted one. The error of the brightest star of a map is then less than a code.
 const LEVELS_READ: f32 = 6.0;
-/// It is drawn again, when there is time, if its level differs by more than this.
+/// A picture is drawn again, when there is time, if its level differs by more than this.
 const LEVELS_KEPT: f32 = 0.75;
-/// Texels have sizes in steps, of which this number doubles them: a zoom changes them rarely.
+/// Number of steps over which the size of the finest texels doubles. Sizes have steps so that they seldom change during a zoom.
 pub const SIZES_PER_OCTAVE: f64 = 16.0;
-/// Makes pieces nearly equally large.
+/// Parameter of the division of a face that makes pieces nearly equally large.
 pub const PIECE_EVENNESS: f64 = 0.4;
 
 /// A division of the sky into pieces.
@@ -57,7 +58,7 @@ pub struct SkyPicture {
 }
 
 impl WantedPicture {
-    /// The picture that is drawn for this.
+    /// The picture that is drawn for this wanted one.
     pub fn drawn(&self) -> SkyPicture {
         SkyPicture { number: self.number, level: self.level.round() as u8 }
     }
@@ -67,12 +68,12 @@ impl WantedPicture {
         self.off_by(level) <= LEVELS_READ
     }
 
-    /// Whether it is as good as one that is drawn now.
+    /// Whether a picture with texels of this level is as good as one that would be drawn now.
     pub fn keeps(&self, level: u8) -> bool {
         self.off_by(level) <= LEVELS_KEPT
     }
 
-    /// Difference of such texels from those that are wanted, levels.
+    /// Difference of this level from the wanted one.
     pub fn off_by(&self, level: u8) -> f32 {
         (f32::from(level) - self.level).abs()
     }
@@ -89,7 +90,7 @@ pub struct PieceFrame {
     pub texel: f64,
 }
 
-/// Coordinate on a face, from -1 to 1, of the tangent of an angle.
+/// Converts the tangent of an angle to a coordinate on a face, from -1 to 1.
 fn edge_from_tangent(tangent: f64) -> f64 {
     tangent * (1.0 + PIECE_EVENNESS) / (1.0 + PIECE_EVENNESS * tangent.abs())
 }
@@ -99,7 +100,7 @@ fn tangent_from_edge(edge: f64) -> f64 {
     edge / (1.0 + PIECE_EVENNESS - PIECE_EVENNESS * edge.abs())
 }
 
-/// A cone with all of a quadrilateral on a face: edges are great circles, so that no point of it is farther from the middle than a corner.
+/// A cone that contains a quadrilateral on a face. Its edges are great circles, so no point is farther from the middle than a corner.
 fn cone_around(corners: &[DVec3; 4]) -> BoundingCone {
     let axis = corners.iter().sum::<DVec3>().normalize();
     let half_angle_rad = corners.map(|corner| axis.angle_between(corner)).into_iter().fold(0.0, f64::max);
@@ -117,7 +118,8 @@ impl PieceGrid {
         (fewest as u32..=MOST_PER_EDGE).map(|per_edge| Self { per_edge, texel }).find(Self::fits)
     }
 
-    /// Whether the pictures of all pieces are within their limit: the largest ones are at the corners of a face, in the middle of its edges, and at its centre.
+    /// Whether the pictures of all pieces are within the limit of their size. The largest ones are at the corners of a face, in the middle of its
+    /// edges, or at its centre.
     fn fits(&self) -> bool {
         let [middle, end] = [self.per_edge / 2, self.per_edge - 1];
         [[end, end], [middle, end], [end, middle], [middle, middle]].into_iter().all(|[column, row]| {
@@ -150,7 +152,7 @@ impl PieceGrid {
         (face * self.per_edge + place[1]) * self.per_edge + place[0]
     }
 
-    /// The direction of a place on a face: column and row in pieces. Not a unit vector.
+    /// The direction of a position on a face, given as column and row in pieces. Not a unit vector.
     fn direction(&self, face: u32, column: f64, row: f64) -> DVec3 {
         let tangent = |along: f64| tangent_from_edge(2.0 * along / f64::from(self.per_edge) - 1.0);
         world_from_face(face) * DVec3::new(tangent(column), -tangent(row), -1.0)
@@ -169,18 +171,19 @@ impl PieceGrid {
         self.corners_of(face, [column, row], [column + 1.0, row + 1.0])
     }
 
-    /// The corners of a rectangle of pieces between two places, unit vectors.
+    /// The corners of a rectangle of pieces between two positions, unit vectors.
     fn corners_of(&self, face: u32, [left, top]: [f64; 2], [right, bottom]: [f64; 2]) -> [DVec3; 4] {
         [[left, top], [right, top], [right, bottom], [left, bottom]]
             .map(|[column, row]| self.direction(face, column, row).normalize())
     }
 
-    /// A cone with all of a piece.
+    /// A cone that contains a piece.
     pub fn cone(&self, number: u32) -> BoundingCone {
         cone_around(&self.corners(number))
     }
 
-    /// Numbers of the pieces, ascending, of all rectangles of pieces whose cone may be seen: at least those that are seen themselves.
+    /// Numbers of the pieces that may be visible, ascending. Rectangles of pieces are halved as long as their cone may be visible. The result
+    /// contains at least all visible pieces.
     pub fn pieces_where(&self, may_see: impl Fn(BoundingCone) -> bool) -> Vec<u32> {
         let mut found = Vec::new();
         let mut rectangles: Vec<(u32, [u32; 2], [u32; 2])> =
@@ -206,7 +209,7 @@ impl PieceGrid {
         found
     }
 
-    /// The picture of a piece: its axes along the columns of the face.
+    /// The picture of a piece, whose axes are along the columns and rows of the face.
     pub fn frame(&self, SkyPicture { number, level }: SkyPicture) -> PieceFrame {
         let texel = self.texel * (f64::from(level) / LEVELS_PER_OCTAVE).exp2();
         let (face, column, row) = self.place(number);
@@ -293,7 +296,7 @@ mod tests {
                     u64::from(frame.size[0]) * u64::from(frame.size[1])
                 })
                 .sum();
-            // Texels of all pictures over those of the sky.
+            // Ratio of the texels of all pictures to those of the sky.
             let ratio = texels as f64 * grid.texel.powi(2) / (4.0 * std::f64::consts::PI);
             assert!((1.0..1.9).contains(&ratio), "{grid:?}: {ratio}");
         }

@@ -21,7 +21,7 @@ pub const THRESHOLD_BRIGHTNESS: f64 = 1.0 / 512.0;
 /// Base of the magnitude scale as published: a rounded 100^(1/5).
 pub const PUBLISHED_POGSON: f64 = 2.512;
 
-/// Greatest relative brightness of a Gaussian: the exponent as published leaves the range of f32 a few magnitudes below zero.
+/// Limit of the relative brightness of a Gaussian: with the published exponent it leaves the range of f32 for magnitudes a little below zero.
 pub const GREATEST_BRIGHTNESS: f64 = 1e20;
 
 /// Diameters of `scaled_disc` at the brightest and the faintest magnitude, relative to the configured one.
@@ -68,8 +68,8 @@ pub struct BillboardPlan {
 }
 
 impl BillboardPlan {
-    /// Parameters for `stars`. `configured_ev100` determines the unit of relative methods. `shown_ev100` is the exposure that the
-    /// frame will be shown with, or an estimate: `psf_texture` is cropped where it is invisible at that exposure.
+    /// Parameters for `stars`. `configured_ev100` determines the unit of relative methods. `shown_ev100` is the exposure with which the frame will be
+    /// shown, or an estimate of it: `psf_texture` is cropped where it is invisible at that exposure.
     pub fn new(stars: &StarSettings, configured_ev100: f64, shown_ev100: f64, psf: Option<&DrawnPsf>) -> Self {
         let radius_rad = (stars.billboard.diameter_arcmin / 120.0).to_radians();
         let gaussian = stars.gaussian_psf;
@@ -97,8 +97,8 @@ impl BillboardPlan {
         }
     }
 
-    /// The least half angle that `psf_texture` is cropped to: two texels, and a pixel at the centre of the plane, so that a
-    /// faint star is not lost between pixels more often than the texture causes.
+    /// The least half angle to which `psf_texture` is cropped: two texels, or a pixel at the centre of the plane if that is larger. So cropping does
+    /// not make a faint star vanish between pixels more often than the texture itself does.
     pub fn least_crop_rad(psf: &DrawnPsf, pixel_rad: f64) -> f64 {
         (2.0 * psf.form.pixel_rad).max(pixel_rad).min(psf.form.half_width_rad())
     }

@@ -5,9 +5,9 @@ use crate::photometry::exposure::white_luminance_cd_m2;
 
 /// A star's position is within this fraction of half a cell's side from the centre of its cell.
 pub const JITTER: f64 = 0.5;
-/// Brightness of the faintest star. The brightest has 1; the number of stars falls as brightness^-2.5.
+/// Brightness of the faintest star. The brightest star has brightness 1, and the number of stars falls as brightness^-2.5.
 pub const FAINTEST: f64 = 0.02;
-/// Fraction of the cells that contain a star far from the galactic equator, where all of them do.
+/// Fraction of the cells that contain a star, far from the galactic equator. At the equator every cell contains one.
 pub const EVEN_DENSITY: f64 = 0.25;
 /// Sine of the latitude at which the density of the band has fallen to 1/e.
 pub const BAND_SINE: f64 = 0.2;

@@ -18,7 +18,7 @@ pub(super) fn reported_method(method: StarMethod, viewports: &[Viewport], kernel
             let gaussian = kernels.iter().any(|kernels| kernels.gaussian_from_cd_m2.is_finite());
             match (tent, gaussian) {
                 (true, true) => {
-                    "auto: bspline; tent for stars too faint for its flicker to be visible, Gaussian for stars too bright for that of the B-spline"
+                    "auto: bspline; tent for stars too faint for its flicker to be visible, Gaussian for stars so bright that the B-spline's flicker would be visible"
                 }
                 (true, false) => "auto: bspline; tent for stars too faint for its flicker to be visible",
                 (false, true) => "auto: Gaussian on the image plane",
@@ -37,7 +37,7 @@ pub(super) fn reported_method(method: StarMethod, viewports: &[Viewport], kernel
     }
 }
 
-/// Approximations of the stars of a frame. Published methods have no bounds of their own; the chart measures their errors.
+/// Approximations of the stars of a frame. Published methods have no bounds; the chart measures their errors.
 pub(super) fn certificate(settings: &RenderSettings, viewports: &[Viewport], ranges: &Ranges) -> Vec<Approximation> {
     let (method, budget) = (settings.stars.method, &settings.accuracy);
     let mut certificate = Vec::new();

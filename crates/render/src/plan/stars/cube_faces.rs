@@ -35,8 +35,8 @@ impl CubeFaces {
         let mean_sr = projection.picture_solid_angle_sr() / pixels;
         let edge = (4.0 * PI / 6.0 / mean_sr).sqrt().ceil();
         let edge_px = (edge as u32).clamp(1, max_side_px.saturating_sub(2 * GUARD_PX).max(1));
-        // Angles between -z and the nearest direction of a face: 0 in front, 45 degrees at the sides; the back is nearest at
-        // its corners. A texel of slack for interpolation.
+        // Angles between -z and the nearest direction of a face: 0 for the front, 45 degrees for the sides, that of a corner for the back. A texel of
+        // slack is added for interpolation.
         let slack = 4.0 / f64::from(edge_px);
         let needed = Face::ALL.map(|face| {
             let nearest = match face {

@@ -1,4 +1,4 @@
-//! Selects the chunks of stars that each viewport may see, bounds the light of their stars, and marks chunks so near that f32
+//! Selects the chunks of stars that may be visible in each viewport, computes bounds of the light of their stars, and marks chunks so near that f32
 //! offsets from the camera are not accurate enough.
 //!
 //! Bounds are three-dimensional: a sphere around the chunk and, while the camera is nearer to the barycentre than the
@@ -29,7 +29,7 @@ pub const SPLAT_MARGIN_PX: f64 = 2.0;
 /// A chunk is near if rounding its origin to f32 would change a star's direction by more than 5e-7 rad (0.1").
 const NEAR_SHARE: f64 = 0.12;
 
-/// Ratio of a chunk's greatest Doppler factor to its smallest from which its light is summed star by star.
+/// Ratio of a chunk's greatest Doppler factor to its smallest above which its light is summed star by star.
 const WIDE_IN_FLIGHT: f64 = 1.5;
 
 /// Maximum number of viewports of a frame: a chunk has a bit set of 64 bits.
@@ -127,9 +127,10 @@ fn are_outside(normal: DVec3, directions: &[DVec3]) -> bool {
     directions.iter().all(|direction| normal.dot(*direction) < 0.0)
 }
 
-/// Cones in the stars' frame that contain the stars of a chunk for an eye at `eye_pc` from the camera: all of them are valid. Empty: any direction.
+/// Cones in the stars' frame, each of which contains the stars of a chunk for an eye at `eye_pc` from the camera. Without cones, the stars may be in
+/// any direction.
 fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) -> impl Iterator<Item = BoundingCone> {
-    // The cone from the barycentre, widened by the greatest change of a star's direction between there and the eye.
+    // The cone as seen from the barycentre, widened by the greatest change of a star's direction between the barycentre and the eye.
     let travelled_pc = (camera_pc + eye_pc).length();
     let turned_rad = if chunk.at_infinity {
         Some(0.0)
@@ -148,7 +149,7 @@ fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) ->
     from_barycentre.into_iter().chain(sphere)
 }
 
-/// A chunk that a viewport may see.
+/// A chunk that may be visible in a viewport.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VisibleChunk {
     /// Index of the chunk.
@@ -182,7 +183,7 @@ pub struct CullSettings {
     pub refraction: Option<Refraction>,
 }
 
-/// Selects the chunks that the viewports may see from `camera_pc`.
+/// Selects the chunks that may be visible in the viewports from `camera_pc`.
 pub fn visible_chunks(
     set: &StarSet,
     camera_pc: DVec3,
@@ -216,7 +217,7 @@ fn look_at(
         (origin_pc.length() - chunk.radius_pc).max(chunk.nearest_pc - camera_pc.length()) - farthest_eye_pc
     };
     let near = !chunk.at_infinity && nearest_pc < NEAR_SHARE * origin_pc.length() + 1e-12;
-    // Viewports that may see the chunk.
+    // Viewports in which the chunk may be visible.
     let viewports: u64 = (0..fields.len())
         .filter(|&i| !settings.enabled || fields[i].may_see(chunk, camera_pc))
         .fold(0, |set, i| set | 1 << i);
@@ -228,7 +229,7 @@ fn look_at(
         let dopplers = doppler_range(&motion, chunk, camera_pc, origin_pc, eyes_pc);
         (travel::boost(&set.spectra()[index], chunk.brightest_lx, dopplers), dopplers)
     });
-    // Not 0: division by a necessary light of 0 would give NaN.
+    // Keep the factor above 0: 0 divided by 0 would give NaN.
     let of_a_star = boost.map_or(1.0, |(boost, _)| boost.of_a_star.max(f64::MIN_POSITIVE));
     let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6) / of_a_star;
     let count = if near || chunk.faintest_lx >= needed_lx {
@@ -248,7 +249,7 @@ fn look_at(
             near_stars(set, chunk, origin_pc).map(|(place, star)| most_light(place, star, eyes_pc, settings.motion));
         lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx))
     } else {
-        // The bounds of the chunk are from f64 positions, its stars are f32 offsets: include a margin for rounding.
+        // The bounds of the chunk were computed from f64 positions, but its stars are stored as f32 offsets: include a margin for rounding.
         let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
         let (brightest_lx, of_all) =
             boost.map_or((chunk.brightest_lx, 1.0), |(boost, _)| (boost.brightest_lx, boost.of_all));

@@ -1,8 +1,8 @@
 //! Stars of a deep store in a plan: the detail in which each part of the sky is drawn, and the pages that are needed for it.
 //!
 //! A composite star has the light of all faint stars of a cell. A cell may be as large as [`DIRECT_CELL_PX`] pixels where views draw composite stars
-//! themselves, and [`crate::plan::smooth_light::SkyMap::cell_texels`] texels in the map of faint light. Where no plane is fine enough, all stars are drawn.
-//! Pages that have not been read yet are replaced by coarser ones; [`Residual`] bounds the error of that.
+//! themselves, and [`crate::plan::smooth_light::SkyMap::cell_texels`] texels in the map of faint light. If no plane is fine enough, all stars are
+//! drawn. Pages that have not been read yet are replaced by coarser ones; [`Residual`] is a bound of the resulting error.
 
 use std::{
     collections::HashSet,
@@ -28,50 +28,53 @@ use crate::{
     view::{Viewport, projection::BoundingCone},
 };
 
-/// Largest cell of composite stars, the root of its area over that of a pixel. Measured with 749 stars per pixel: an error of 0.18 codes at this size.
+/// Largest cell of composite stars: root of the ratio of its area to that of a pixel. With 749 stars per pixel, the measured error at this size is
+/// 0.18 codes.
 pub const DIRECT_CELL_PX: f64 = 0.8;
-/// Luminance of the brightest star that a composite star may stand for, if all of it is in one pixel, over the least that may be seen. Measured with
-/// `benches/deep_patches.rs`.
+/// Ratio of the luminance of the brightest star that a composite star may replace, if all of its light is in one pixel, to the least luminance that
+/// may be visible. Measured with `benches/deep_patches.rs`.
 const MOST_SEEN: f64 = 1.5;
-/// From this magnitude limit on, all stars of a store are drawn: its planes cannot be divided.
+/// If the magnitude limit is at least this, all stars of a store are drawn. Only then may composite stars be used: they cannot be divided by
+/// magnitude.
 pub const WHOLE_FROM_MAGNITUDE: f64 = 21.0;
 /// Magnitude up to which all stars of a deep store are resident.
 const RESIDENT_TO_MAGNITUDE: f64 = LAYERS[0].magnitude as f64;
-/// Stars of a page are in the order of their light before it is rounded; rounding changes it by less than this part.
+/// Stars of a page are in the order of their light before rounding. Rounding leaves more than this fraction of the light.
 const LIGHT_ROUNDING: f64 = 0.98;
 /// Reach of the kernels of composite stars, pixels.
 const KERNEL_REACH_PX: f64 = 1.5;
 /// Illuminance of the brightest star of each layer, lx.
 static BRIGHTEST_LX: LazyLock<[f64; LAYERS.len()]> =
     LazyLock::new(|| LAYERS.map(|layer| illuminance_lx_from_magnitude(layer.brightest_mag())));
-/// Share of the memory for pages that the pages of one plan may take: the rest is for those of other views, and for what comes next.
+/// Share of the memory for pages that the pages of one plan may take: the rest is for pages of other views and of later frames.
 const SHARE_OF_A_PLAN: f64 = 0.9;
 
-/// Pages are asked for that views will need within this time if they go on turning as they do. Reading the pages of a view takes about half of it on a disk.
+/// Pages that views will need within this time, if they continue to turn at the same rate, are requested in advance. Reading the pages of a view from
+/// a disk takes about half of this time.
 const AHEAD: Duration = Duration::from_millis(500);
-/// Urgency of such pages: less than any error.
+/// Urgency of pages that are requested in advance: less than that of any error.
 const AFTER_ALL_ELSE: f64 = -1.0;
-/// Frames farther apart say nothing about the turn of the views.
+/// If frames are farther apart than this, the turn of the views is unknown.
 const LONGEST_FRAME: Duration = Duration::from_millis(500);
-/// A greater turn within [`AHEAD`] is a jump, rad.
+/// A turn within [`AHEAD`] of more than this is a jump, rad.
 const MOST_TURN_RAD: f64 = 1.0;
-/// A smaller one needs no new pages, as a part of a view's radius.
+/// A turn of less than this fraction of a view's radius needs no new pages.
 const LEAST_TURN: f64 = 1e-3;
 
 /// The stars of a deep store that a frame draws.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Drawn {
-    /// All of them: star by star the layers whose brightest stars exceed [`MOST_SEEN`] of the least luminance that may be seen, cd/m^2.
+    /// All stars. Layers whose brightest stars exceed [`MOST_SEEN`] times the least luminance that may be visible are drawn star by star.
     All {
-        /// `None`: any star may be part of a composite star.
+        /// The least luminance that may be visible, cd/m^2; `None`: any star may be part of a composite star.
         seen_cd_m2: Option<f64>,
     },
-    /// Those that are too bright for a map of faint light: of this illuminance and more, lx.
+    /// The stars that are too bright for a map of faint light.
     Brighter {
         /// The limit.
         from_lx: f64,
     },
-    /// Those of a map of faint light: star by star the layers that reach this illuminance, lx.
+    /// The stars of a map of faint light. Layers that reach the limit are drawn star by star.
     Fainter {
         /// The limit.
         below_lx: f64,
@@ -92,7 +95,7 @@ pub(super) struct DeepInputs<'a> {
     pub every_star: bool,
     /// Whether frames are drawn without leaves and tiles that are damaged.
     pub skip_damaged: bool,
-    /// Whether to ask for pages that are not in memory.
+    /// Whether to request pages that are not in memory.
     pub asks: bool,
     /// Whether stars may be read while the frame is drawn, if they do not fit into the memory.
     pub streams: bool,
@@ -111,7 +114,7 @@ pub struct VisiblePage {
     pub count: u32,
 }
 
-/// Bound of the error of pages that are missing, or coarser than the pixels need because the memory does not hold finer ones.
+/// Bound of the error due to pages that are missing, or coarser than the pixels require because finer ones do not fit into memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residual {
     /// Error of the luminance of a pixel, cd/m^2.
@@ -123,7 +126,7 @@ pub struct Residual {
 /// Stars that a picture lacks because their pages have not been read, or do not fit into the memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lack {
-    /// The error of that.
+    /// The resulting error.
     pub residual: Residual,
     /// The pages that have not been read.
     pub keys: Vec<PageKey>,
@@ -136,15 +139,15 @@ pub struct DeepPlan {
     pub sky: Option<Arc<DeepSky>>,
     /// Pages that are drawn.
     pub visible: Vec<VisiblePage>,
-    /// Leaves that do not fit into the memory together, with the viewports that may see them: they are read while the frame is drawn.
+    /// Leaves that do not fit into memory together, with the viewports in which they may be visible. They are read while the frame is drawn.
     pub streamed: Vec<(PageKey, u64)>,
-    /// Pages that were needed and not in memory.
+    /// Pages that were needed but not in memory.
     pub missing: Vec<PageKey>,
-    /// What these may change.
+    /// Bound of the error that these cause.
     pub residual: Residual,
-    /// Stars that each viewport lacks; only of a plan for pictures of a map.
+    /// Stars that each viewport lacks; only in plans for pictures of a map.
     pub lacks: Vec<Lack>,
-    /// Codes of a display image of 8 bits per cd/m^2, at most; 0: not known.
+    /// Greatest number of codes of an 8-bit display image per cd/m^2; 0: not known.
     pub codes_per_cd_m2: f64,
     /// Bound of the light of all drawn pages, lx.
     pub total_lx: f64,
@@ -158,12 +161,12 @@ pub struct DeepPlan {
     pub cell_px: f64,
 }
 
-/// A part of the sky that some viewports see in the same detail.
+/// A part of the sky that some viewports show in the same detail.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     bucket: u64,
     detail: Detail,
-    /// Whether the memory does not hold the detail that the pixels need.
+    /// Whether the detail is coarser than the pixels require, because more does not fit into memory.
     is_coarser: bool,
     viewports: u64,
     /// Smallest pixel of these viewports there, sr.
@@ -176,13 +179,13 @@ struct PartPages {
     pages: Vec<(PageKey, u64)>,
 }
 
-/// Selects the pages of a frame, and may ask for those that are missing.
+/// Selects the pages of a frame, and may request missing ones.
 ///
 /// # Errors
 /// Stars that cannot be replaced by composite stars do not fit into the memory.
 pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     let sky = inputs.sky;
-    // Only pictures of a map are drawn again for each of them.
+    // Only pictures of a map are listed with the stars that they lack, since each of them can be drawn again.
     let lacking = if matches!(inputs.drawn, Drawn::Fainter { .. }) { inputs.viewports.len() } else { 0 };
     let mut plan = DeepPlan {
         faintest_lx: f64::INFINITY,
@@ -202,7 +205,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     plan.sky = Some(Arc::clone(sky));
     sky.set_limit(inputs.memory_bytes / 2);
     let fields: Vec<Field> = inputs.viewports.iter().map(|viewport| Field::new(viewport, &inputs.cull)).collect();
-    // The detail of each part of the sky, coarser if that is necessary for the memory.
+    // Choose the detail of each part of the sky, and reduce it if the memory requires.
     let mut parts: Vec<Part> =
         (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(inputs, &fields, bucket)).collect();
     let most_bytes = most_bytes_of_a_plan(inputs);
@@ -213,7 +216,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
         if bytes <= most_bytes {
             break pages;
         }
-        // A map has the stars of bright layers one by one, because the frames that read it draw some of them.
+        // A map contains the stars of bright layers one by one, because the frames that read it draw some of them.
         let least_leaves = if let Drawn::Fainter { below_lx } = inputs.drawn { layers_from(below_lx) } else { 0 };
         let coarser = finest.coarser().filter(|coarser| is_divisible(inputs) && coarser.leaves() >= least_leaves);
         let Some(coarser) = coarser else {
@@ -233,7 +236,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
             part.detail = detail;
         }
     };
-    // What is in memory, and coarser pages in place of the rest.
+    // Take pages that are in memory, and coarser pages in place of the others.
     let keys: Vec<PageKey> = pages.iter().flat_map(|part| part.pages.iter().map(|(key, _)| *key)).collect();
     let held = sky.pages_of(&keys);
     let mut wants = Vec::new();
@@ -249,7 +252,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     Ok(plan)
 }
 
-/// Whether the pages that views need have at least this number of stars and composite stars. Most pages are not counted if there are many more.
+/// Whether the pages that views need contain at least this number of stars and composite stars. Counting ends as soon as the number is reached.
 pub(super) fn has_stars(inputs: &DeepInputs<'_>, least: u64) -> bool {
     if least == 0 || inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
         return least == 0;
@@ -266,14 +269,15 @@ fn most_bytes_of_a_plan(inputs: &DeepInputs<'_>) -> u64 {
     (SHARE_OF_A_PLAN * inputs.memory_bytes as f64 / 2.0) as u64
 }
 
-/// How views turn: the orientations of the last frame, and its time.
+/// Rotation of the views over time: the orientations of the last frame, and its time.
 #[derive(Debug, Default)]
 pub(super) struct Turning {
     last: Option<(Vec<DQuat>, Instant)>,
 }
 
 impl Turning {
-    /// Notes the views of a frame, and returns them as they will be after [`AHEAD`] if they go on turning; `None`: they rest, or have jumped.
+    /// Records the views of a frame, and returns the views as they will be after [`AHEAD`] if they continue to turn; `None`: they are at rest, or
+    /// have jumped.
     pub(super) fn ahead(&mut self, viewports: &[Viewport], now: Instant) -> Option<Vec<Viewport>> {
         let orientations: Vec<DQuat> = viewports.iter().map(|viewport| viewport.world_from_view).collect();
         let (last, then) = self.last.replace((orientations, now))?;
@@ -295,7 +299,8 @@ impl Turning {
     }
 }
 
-/// Asks for the pages that turned views need besides those of a plan, after all that the plan itself misses, if there is memory for both.
+/// Requests the pages that the turned views need in addition to those of a plan, if there is memory for both. The missing pages of the plan itself
+/// are read first.
 pub(super) fn ask_ahead(inputs: &DeepInputs<'_>, turned: &[Viewport], plan: &DeepPlan) {
     let ahead = DeepInputs { viewports: turned, ..*inputs };
     let fields: Vec<Field> = turned.iter().map(|viewport| Field::new(viewport, &inputs.cull)).collect();
@@ -326,7 +331,7 @@ pub(in crate::plan) fn layers_from(least_lx: f64) -> usize {
     BRIGHTEST_LX.iter().filter(|lx| **lx >= least_lx).count()
 }
 
-/// Whether stars of leaves are drawn if stars fainter than this, lx, are not: all of them are fainter than the resident ones by magnitude.
+/// Whether stars of leaves are drawn if stars fainter than this, lx, are not. All stars of leaves have a fainter magnitude than the resident ones.
 pub(crate) fn reaches_leaves(faintest_lx: f64) -> bool {
     faintest_lx < illuminance_lx_from_magnitude(RESIDENT_TO_MAGNITUDE)
 }
@@ -340,9 +345,9 @@ fn layers_of(inputs: &DeepInputs<'_>) -> usize {
     }
 }
 
-/// Number of the stars of a page, from the brightest on, that may be drawn.
+/// Number of stars of a page, counted from the brightest, that may be drawn.
 fn count_of(inputs: &DeepInputs<'_>, page: &Page) -> u32 {
-    // Light grows by less than the inverse square of this part from the barycentre to the camera.
+    // From the barycentre to the camera, a star's light grows by at most the inverse square of this factor.
     let kept = 1.0 - inputs.camera_pc.length() * MOST_PARALLAX;
     let count = match inputs.drawn {
         Drawn::Brighter { from_lx } if kept > 0.0 => {
@@ -354,7 +359,7 @@ fn count_of(inputs: &DeepInputs<'_>, page: &Page) -> u32 {
     count as u32
 }
 
-/// The viewports that see a cell of the bucket order, by detail.
+/// The viewports that show a cell of the bucket order, grouped by detail.
 fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part> {
     let (axis, half_angle_rad) = PageKey::Tile { plane: 0, cell: bucket as u32 }.cone();
     let mut parts: Vec<Part> = Vec::new();
@@ -388,9 +393,9 @@ fn leaves_of(inputs: &DeepInputs<'_>, pixel_sr: f64) -> u8 {
     leaves as u8
 }
 
-/// Whether a viewport may see stars within a cone around an axis, seen from the barycentre.
+/// Whether a viewport may show stars that are within a cone around an axis, as seen from the barycentre.
 fn sees(inputs: &DeepInputs<'_>, field: &Field, axis: DVec3, half_angle_rad: f64) -> bool {
-    // The camera is displaced by this part of the distance of the nearest star, and aberration turns directions a little.
+    // The camera is displaced by this fraction of the distance of the nearest star, and aberration changes directions slightly.
     let displaced = (inputs.camera_pc + field.eye_pc()).length() * MOST_PARALLAX;
     !inputs.cull.enabled
         || displaced >= 1.0
@@ -406,12 +411,12 @@ pub(in crate::plan) fn pixel_sr_near(viewport: &Viewport, axis: DVec3, half_angl
     let around = [right, -right, up, -up].map(|side| axis * cos + side * sin);
     let extent = |direction: DVec3| mapping.pixel_extent_rad(to_view * direction).map(|[long, short]| long * short);
     let near = around.into_iter().chain([axis]).filter_map(extent).fold(f64::INFINITY, f64::min);
-    // Beyond the picture there may be no image; no pixel of it is smaller than its smallest.
+    // Directions beyond the picture may have no image: use the smallest pixel of the picture.
     let least = viewport.projection.smallest_pixel_sr();
     if near.is_finite() { near.max(least) } else { least }
 }
 
-/// The pages of a part that have stars and that its viewports may see.
+/// The pages of a part that contain stars and may be visible in its viewports.
 fn visible_pages(inputs: &DeepInputs<'_>, fields: &[Field], part: Part) -> PartPages {
     let layers = layers_of(inputs);
     let mut pages = Vec::new();
@@ -460,7 +465,7 @@ impl DeepPlan {
         DeepReport { stars: self.stars, cell_px: self.cell_px, missing, residual_cd_m2: cd_m2, residual_codes }
     }
 
-    /// Has all pages read while the frame is drawn.
+    /// Plans that all pages are read while the frame is drawn.
     fn stream(&mut self, inputs: &DeepInputs<'_>, pages: &[PartPages]) {
         self.streamed = pages.iter().flat_map(|part| part.pages.iter().copied()).collect();
         self.stars = self.streamed.iter().map(|(key, _)| u64::from(key.stars(inputs.sky.store()))).sum();
@@ -473,7 +478,7 @@ impl DeepPlan {
         self.faintest_lx = 0.025 * layers.fold(f64::INFINITY, f64::min);
     }
 
-    /// Adds the pages of a part, or coarser ones if some of them are missing.
+    /// Adds the pages of a part, or coarser pages if some of them are missing.
     fn add_part(
         &mut self,
         inputs: &DeepInputs<'_>,
@@ -491,7 +496,7 @@ impl DeepPlan {
             }
             return;
         }
-        // Coarser pages, down to the base, which is always in memory and also stands in for what is coarser than itself.
+        // Try coarser pages, down to the base, which is always in memory and also replaces details coarser than itself.
         let mut detail = is_divisible(inputs).then(|| wanted.part.detail.coarser().unwrap_or(Detail::BASE));
         let mut stand_in = None;
         while let Some(coarser) = detail {
@@ -519,14 +524,14 @@ impl DeepPlan {
         let error_cd_m2 = error_lx / wanted.part.pixel_sr;
         let of_page = Residual { cd_m2: error_cd_m2, missing: 1 };
         for key in missing() {
-            // Coarser stars stand in for the whole part.
+            // Coarser stars replace the whole part.
             self.add_lack(wanted.part.viewports, of_page, Some(key));
             self.missing.push(key);
             wants.push((key, error_cd_m2));
         }
     }
 
-    /// Adds the error of a part of the sky that these viewports see, and the page whose absence causes it.
+    /// Adds the error of a part of the sky that these viewports show, and the page whose absence causes it.
     fn add_lack(&mut self, viewports: u64, residual: Residual, key: Option<PageKey>) {
         self.residual.add(residual);
         for (index, lack) in self.lacks.iter_mut().enumerate() {
@@ -537,7 +542,7 @@ impl DeepPlan {
         }
     }
 
-    /// Notes the detail of pages that are drawn.
+    /// Records the detail of pages that are drawn.
     fn note_cells(&mut self, detail: Detail, pixel_sr: f64) {
         self.cell_px = self.cell_px.max(detail.cell_rad() / pixel_sr.sqrt());
     }
@@ -557,20 +562,20 @@ impl DeepPlan {
     }
 }
 
-/// Bound of the error of a part that is drawn with these pages instead of finer ones, lx in a pixel.
+/// Bound of the error of a part that is drawn with these pages instead of finer ones, lx per pixel.
 fn stand_in_error_lx(part: &Part, pages: &[Option<Arc<Page>>]) -> f64 {
     let cell_px = part.detail.cell_rad() / part.pixel_sr.sqrt();
     pages.iter().flatten().map(|page| most_in_a_pixel_lx(page, cell_px)).fold(0.0, f64::max)
 }
 
-/// Bound of the light that a pixel has from the composite stars of a page, or that it would have from the stars that these stand for: of the cells
-/// that kernels around the pixel reach.
+/// Bound of the light that a pixel receives from the composite stars of a page, or would receive from the stars that these replace. It is the light
+/// of the cells whose kernels reach the pixel.
 fn most_in_a_pixel_lx(page: &Page, cell_px: f64) -> f64 {
     let cells = ((2.0 * KERNEL_REACH_PX + 1.0) / cell_px + 1.0).ceil().powi(2);
     (cells * page.brightest_lx).min(page.total_lx)
 }
 
-/// Bound of the light that a pixel has from a leaf that has not been read.
+/// Bound of the light that a pixel would receive from a leaf that has not been read.
 fn most_of_leaf_lx(sky: &DeepSky, key: PageKey) -> f64 {
     let PageKey::Leaf { layer, .. } = key else { return 0.0 };
     let layer = usize::from(layer);
@@ -601,7 +606,7 @@ mod tests {
             Some((-towards.x).atan2(-towards.z))
         };
         assert_eq!(yaw(turning.ahead(&viewports(0.0), after(0))), None, "one frame has no turn");
-        // 0.01 rad in 50 ms: 0.1 rad in half a second.
+        // A turn of 0.01 rad in 50 ms becomes 0.1 rad in half a second.
         let ahead = yaw(turning.ahead(&viewports(0.01), after(50))).unwrap();
         assert!((ahead - 0.11).abs() < 1e-9, "{ahead}");
         assert_eq!(yaw(turning.ahead(&viewports(0.01), after(100))), None, "at rest");

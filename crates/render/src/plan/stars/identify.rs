@@ -22,7 +22,7 @@ use crate::{
 /// Maximum search radius, rad.
 pub const MOST_RADIUS_RAD: f64 = 0.2;
 
-/// Widening of the circle for leaves: the air and the place of the camera turn directions by less.
+/// Widening of the circle for leaves: air and the position of the camera change directions by less than this.
 const CIRCLE_MARGIN_RAD: f64 = 1e-3;
 
 /// A star as a camera sees it.
@@ -92,7 +92,7 @@ pub fn stars_near(
         keep_brightest(&mut found, most);
     }
     let Some(deep) = &set.deep else { return Ok(found) };
-    // Layer by layer: a fainter one is read only if it can still contribute, so that few leaves are read however wide the circle is.
+    // Read layer by layer. A fainter layer is read only if it can still contribute, so that few leaves are read even for a wide circle.
     let arriving = refraction.map_or(direction, |refraction| refraction.arriving(direction));
     for (layer, of_layer) in LAYERS.iter().enumerate() {
         let brightest_lx = illuminance_lx_from_magnitude(of_layer.brightest_mag());
@@ -125,7 +125,7 @@ pub fn stars_near(
     Ok(found)
 }
 
-/// The brightest stars come first, and at most the requested number stays.
+/// Sorts by decreasing brightness, and keeps at most the requested number.
 fn keep_brightest(found: &mut Vec<SeenStar>, most: usize) {
     found.sort_by(|a, b| b.illuminance_lx.total_cmp(&a.illuminance_lx));
     found.truncate(most);

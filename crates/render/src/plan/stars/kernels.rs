@@ -1,10 +1,10 @@
 //! Kernels that draw the stars of a viewport, by brightness.
 //!
-//! Flicker is the standard deviation over mean of the displayed light of a star while it moves through a pixel. It depends on
-//! the ratio k of the star's peak to display white. The tent's flicker grows with k at once; the B-spline's stays below 0.0113 up to k = 5 and then
-//! grows to 0.13; a Gaussian's stays small. `auto` draws each star with the cheapest kernel that keeps the budget. Its Gaussian is defined on
-//! the image plane and gradually replaces the B-spline, so that a brightening star does not jump. `pixel_gaussian` draws all stars
-//! with a Gaussian that is round in view space.
+//! Flicker is the standard deviation over mean of the displayed light of a star while it moves through a pixel. It depends on the ratio k of the
+//! star's peak to display white. The flicker of the tent grows with k from the start. That of the B-spline stays below 0.0113 up to k = 5 and then
+//! grows to 0.13. That of a Gaussian stays small. `auto` draws each star with the cheapest kernel that keeps the budget. Its Gaussian is defined on
+//! the image plane and gradually replaces the B-spline, so that a brightening star does not jump. `pixel_gaussian` draws all stars with a Gaussian
+//! that is round in view space.
 
 use std::f64::consts::FRAC_PI_4;
 
@@ -42,7 +42,8 @@ pub const BSPLINE_FLICKER: [(f64, f64); 13] = [
 /// Greatest flicker of the Gaussian that is round in view space, for any peak.
 pub const GAUSSIAN_FLICKER: f64 = 0.005;
 
-/// Greatest flicker of the Gaussian on the image plane, up to a million times display white; up to a thousand times: 0.006.
+/// Greatest flicker of the Gaussian on the image plane, for peaks up to a million times display white. Up to a thousand times display white it is
+/// 0.006.
 pub const PLANE_GAUSSIAN_FLICKER: f64 = 0.016;
 
 /// Fraction of the B-spline's range of peaks up to which it is drawn alone. The rest is a margin for the mixture with the Gaussian, which
@@ -99,7 +100,7 @@ impl GaussianWidth {
                 for eighth in 0..8 {
                     let (sin, cos) = (f64::from(eighth) * FRAC_PI_4).sin_cos();
                     let rim = direction * cut.cos() + (right * cos + up * sin) * cut.sin();
-                    // The end of the plane, within the reach of a kernel.
+                    // If the rim of the kernel has no image, use the longer side of the picture.
                     let image = mapping.pixel_from_direction(rim);
                     most = most.max(image.map_or(side, |image| (image - centre).length()));
                 }

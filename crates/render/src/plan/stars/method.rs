@@ -51,7 +51,7 @@ pub enum Accumulator {
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum StarMethod {
-    /// Per star the cheapest of tent, B-spline and bright kernel whose flicker stays below `accuracy.flicker`.
+    /// For each star, the cheapest of tent, B-spline and bright kernel whose flicker stays below `accuracy.flicker`.
     #[default]
     Auto,
     /// 3 × 3 quadratic B-spline: constant width at every sub-pixel position.
@@ -63,7 +63,7 @@ pub enum StarMethod {
     PixelGaussian,
     /// Published compute rasteriser: 2 × 2 splat, two half floats in a 32-bit word, every star in catalogue order.
     PackedCas,
-    /// `packed_cas` on stars that are culled and sorted as ours.
+    /// `packed_cas`, but with stars that are culled and sorted as for the project's own methods.
     PackedCasSorted,
     /// Published: points of one pixel.
     HardwarePoint,
@@ -142,7 +142,7 @@ impl StarMethod {
         }
     }
 
-    /// Whether every star of the catalogue is read, in its order and once per view, instead of the result of culling.
+    /// Whether every star of the catalogue is read, in catalogue order and once per view, instead of the result of culling.
     pub fn reads_catalogue(self) -> bool {
         self == Self::PackedCas || self.accumulator() == Accumulator::Blending
     }

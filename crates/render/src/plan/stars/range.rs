@@ -20,9 +20,9 @@ const STAR_UNITS: f64 = 4096.0;
 const PIXEL_STEP_UNITS: f64 = 32.0;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
-/// Ratio of a star to everything fainter together from which it is summed separately.
+/// Ratio of a star's light to that of everything fainter together above which the star is summed separately.
 const OUTSHINES: f64 = 65_536.0;
-/// Number of chunks, the brightest ones, that are searched for such stars.
+/// Number of chunks that are searched for such stars: the brightest ones.
 const SEARCHED_CHUNKS: usize = 16;
 
 /// Fixed-point sums of the stars in a brightness range.
@@ -111,14 +111,14 @@ pub fn choose(
     motion: Option<Motion>,
     other: &OtherLight,
 ) -> Ranges {
-    // All light, and the finest unit that any of it needs.
+    // Add up all light, and find the finest unit that any source needs.
     let total_lx: f64 = visible
         .iter()
         .map(|chunk| chunk.total_lx)
         .chain(other.points_lx.iter().map(|per_eye_lx| most(per_eye_lx)))
         .sum::<f64>()
         + other.crowd_lx;
-    // Motion changes the light of every star by a different factor, so then only the range counts.
+    // Motion changes the light of every star by a different factor, so for a moving camera only the range determines the unit.
     let faintest_star_lx = match motion {
         Some(_) => 0.0,
         None if other.many > 0 => faintest_star_lx(set, visible, eyes_pc).min(other.faintest_lx).max(faintest_lx),

@@ -22,7 +22,7 @@ pub struct StarSettings {
     /// Stars with a fainter apparent magnitude, at the position of the camera, are not drawn.
     #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub magnitude_limit: f64,
-    /// Deep stores: memory for the stars that are read as views need them, such as `512MiB`; at least 64 MiB.
+    /// Deep stores: memory for stars, which are read when views need them, such as `512MiB`. At least 64 MiB.
     pub memory: MemorySize,
     /// Deep stores: draw every star instead of composite stars. `render` and `film` read the stars that do not fit into `memory` while they draw; `serve`
     /// cannot draw such views.
@@ -107,8 +107,8 @@ impl Default for PixelGaussianSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BillboardSettings {
-    // Three times this, of the brightest of the scaled discs, stays below 90 degrees.
-    /// Angular diameter of discs and sprites, of the core of `glare_disc`; `scaled_disc` uses 0.3 to 3 times this.
+    // The brightest scaled discs have three times this diameter, which must stay below 90 degrees.
+    /// Angular diameter of discs and sprites, and of the core of `glare_disc`. `scaled_disc` uses 0.3 to 3 times this.
     #[schemars(range(max = 1800.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "arcminutes"))]
     pub diameter_arcmin: f64,
     /// `scaled_disc`: magnitude at and below which the size is the largest; brighter (smaller) than `faintest_magnitude`.
@@ -133,7 +133,7 @@ impl Default for BillboardSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GaussianPsfSettings {
-    /// Limiting magnitude: the faintest visible.
+    /// Limiting magnitude: that of the faintest visible stars.
     #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub limiting_magnitude: f64,
     /// Magnitude at which the centre of a star reaches display white; brighter (smaller) than `limiting_magnitude`.
@@ -170,7 +170,7 @@ pub struct CellSkySettings {
     /// Cells along an edge of a cube face.
     #[schemars(range(min = 1, max = 65_535))]
     pub cells: u32,
-    // Every pixel looks at each layer.
+    // Every pixel evaluates each layer.
     /// Layers of stars.
     #[schemars(range(min = 1, max = 64))]
     pub layers: u32,
@@ -191,14 +191,14 @@ impl Default for CellSkySettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PsfTextureSettings {
-    /// EXR or FITS file of a point-spread function; without it the function of `aperture` is computed.
+    /// EXR or FITS file of a point-spread function. Without it, the function of `aperture` is computed.
     pub file: Option<PathBuf>,
     /// Aperture of the computed function; `curved_blades` has six blades.
     pub aperture: String,
     /// Diameter of the circumscribed circle of the aperture. The wider the texture, the smaller it must be.
     #[schemars(range(min = *DIAMETERS_MM.start(), max = *DIAMETERS_MM.end()), extend("x-unit" = "mm"))]
     pub diameter_mm: f64,
-    // `photometry::psf::MAX_WIDTH_RAD` in a round number.
+    // `photometry::psf::MAX_WIDTH_RAD` as a round number.
     /// Angular width of the texture; not used if the file gives the angle of its pixels.
     #[schemars(range(max = 1200.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "arcminutes"))]
     pub width_arcmin: f64,

@@ -56,7 +56,7 @@ pub struct StarsPlan {
     pub cull_ms: f64,
 }
 
-/// Plans [`StarsPlan`], and keeps the point-spread function of the last settings and how views turn.
+/// Plans [`StarsPlan`], and keeps the point-spread function of the last settings and the rotation of the views.
 #[derive(Default)]
 pub(in crate::plan) struct Stars {
     psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
@@ -86,8 +86,8 @@ impl Stars {
         visible
     }
 
-    /// Selects the pages of the scene's deep store, and asks for those that turning views need next. Returns false if the map of faint light that the
-    /// frame would read is not worth its cost.
+    /// Selects the pages of the scene's deep store, and requests those that turning views will need next. Returns false if the map of faint light
+    /// that the frame would read is not worth its cost.
     fn select_deep(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<bool, PlanError> {
         let Some(sky) = inputs.scene.stars.deep.as_ref() else { return Ok(true) };
         let start = Instant::now();
@@ -127,7 +127,7 @@ impl Stars {
             && inputs.asks_for_pages
             && let Some(turned) = self.turning.ahead(deep.viewports, start)
         {
-            // Stars that come into view are drawn in the map.
+            // Stars that come into view are drawn in the map, so request pages for the map.
             let ahead = map.map_or(deep, |map| DeepInputs {
                 drawn: Drawn::Fainter { below_lx: map.below_lx },
                 cell_px: CELL_PX,
@@ -139,7 +139,7 @@ impl Stars {
         Ok(true)
     }
 
-    /// States how coarse the stars of a deep store are, and what is missing of them.
+    /// Reports the cell size of composite stars and the missing stars of a deep store.
     fn report_deep(inputs: &PlanInputs<'_>, plan: &mut Plan) {
         let deep = &plan.stars.deep;
         if deep.sky.is_none() {
@@ -186,7 +186,7 @@ impl Stars {
     fn plan_light(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
         let PlanInputs { settings, methods, scene, limits, .. } = *inputs;
         let is_selected = match self.select_deep(inputs, plan) {
-            // The stars that the map leaves to the frame do not fit into the memory; composite stars may.
+            // The stars that are not in the map do not fit into memory. Composite stars may fit.
             Err(PlanError::DeepMemory { .. }) if plan.smooth_light.map.is_some() => false,
             selected => selected?,
         };
@@ -194,7 +194,7 @@ impl Stars {
             plan.smooth_light.map = None;
             self.select_deep(inputs, plan)?;
         }
-        // Visible stars. Without a known exposure they have been selected already, to estimate it.
+        // Select the visible stars. Without a known exposure they were already selected, to estimate the exposure.
         let others = plan.smooth_light.map.as_ref().map(|sky| (Arc::clone(&sky.others), sky.map.others_from_lx()));
         let (stars, drawn_from_lx) = others.unwrap_or_else(|| (Arc::clone(&scene.stars), plan.stars.faintest_lx));
         if plan.exposure.known_white_ev100.is_some() {
@@ -248,7 +248,7 @@ impl Technique for Stars {
             }
         }
         let texture = &inputs.settings.stars.psf_texture;
-        // A file whose content alone changes is not read again.
+        // A file is not read again if only its content changes.
         let is_held = self.psf.as_ref().is_some_and(|(held, _)| held == texture);
         if inputs.methods.stars == StarMethod::PsfTexture && !is_held {
             let psf = DrawnPsf::new(&texture.texture()?);
@@ -292,7 +292,7 @@ impl Technique for Stars {
 const MISSING_STARS: &str = "stars of the deep store that have not been read, in a pixel";
 
 impl Plan {
-    /// States what is missing of the stars of a deep store: in the frame, and in the map of faint light that it reads.
+    /// Reports the missing stars of a deep store: in the frame, and in the map of faint light that it reads.
     pub(crate) fn state_missing_stars(&mut self, of_map: Residual) {
         self.stars.deep.residual.add(of_map);
         let report = self.stars.deep.report();
@@ -305,7 +305,7 @@ impl Plan {
     }
 }
 
-/// Mean luminance of the whole sky of stars, cd/m^2.
+/// Mean luminance of all stars over the whole sky, cd/m^2.
 fn mean_luminance_cd_m2(stars: &StarSet, camera_pc: DVec3) -> f64 {
     let light_lx: f64 = stars
         .chunks

@@ -32,7 +32,7 @@ pub fn steps_per_e_fold() -> f64 {
     f64::from(TEMPERATURE_STEPS - 1) / (MAX_TEMPERATURE_K / MIN_TEMPERATURE_K).ln()
 }
 
-/// Temperature in kelvin of a step from -[`SHIFTED_STEPS`], including fractions.
+/// Temperature in kelvin of a step, which may have a fraction; the first step is -[`SHIFTED_STEPS`].
 pub fn temperature_of_shifted_step_k(step: f64) -> f64 {
     MIN_TEMPERATURE_K * (step / steps_per_e_fold()).exp()
 }
@@ -69,7 +69,7 @@ static COLOURS: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Colour with Y = 1 of a step from -[`SHIFTED_STEPS`], linear Rec. 709; beyond the table, that of its end.
+/// Colour with Y = 1 of a step, linear Rec. 709; the first step is -[`SHIFTED_STEPS`]. Beyond the table, the colour at its end.
 pub fn colour_of_step(step: i32) -> [f32; 3] {
     COLOURS[(step + SHIFTED_STEPS as i32).clamp(0, TABLE_STEPS as i32 - 1) as usize]
 }
@@ -79,7 +79,7 @@ pub fn colour_of(step: u32, doppler: f64) -> [f32; 3] {
     colour_of_step(step as i32 + (doppler.ln() * steps_per_e_fold()).round() as i32)
 }
 
-/// Logarithm of the luminance at a step from -[`SHIFTED_STEPS`], interpolated linearly; beyond the table, that of its end.
+/// Logarithm of the luminance at a step, interpolated linearly; the first step is -[`SHIFTED_STEPS`]. Beyond the table, the value at its end.
 fn ln_luminance_at(step: f64) -> f64 {
     let table = &TABLE.ln_luminance;
     let place = (step + f64::from(SHIFTED_STEPS)).clamp(0.0, (TABLE_STEPS - 1) as f64);
@@ -96,8 +96,8 @@ pub fn light_factor(step: u32, doppler: f64) -> f64 {
 
 /// The greatest factor for stars between two temperature steps and two Doppler factors.
 pub fn greatest_factor(steps: [u32; 2], dopplers: [f64; 2]) -> f64 {
-    // For a Doppler factor above 1 the coolest star gains most, below 1 the hottest loses least. For both, light
-    // increases with the Doppler factor up to the turning point and decreases beyond it.
+    // For a Doppler factor above 1 the coolest star gains most light; below 1 the hottest star loses least. For both, light increases with the
+    // Doppler factor up to the turning point and decreases beyond it.
     let greatest_at = |step: u32| {
         let turning = ((TABLE.turning - f64::from(step)) / steps_per_e_fold()).exp();
         [dopplers[0], dopplers[1], turning.clamp(dopplers[0], dopplers[1])]

@@ -55,7 +55,7 @@ pub struct MeshSampling {
 pub struct MeshPixel {
     /// Fraction of the pixel that asteroids cover, 0 to 1.
     pub coverage: f64,
-    /// Mean luminance over the pixel, with the background black, cd/m^2 if the shade is.
+    /// Mean luminance over the pixel, with a black background; in cd/m^2 if the shade is in cd/m^2.
     pub luminance: f64,
     /// Mean of the visible normals, unit, world axes; 0 if there are none.
     pub normal: DVec3,

@@ -84,7 +84,7 @@ pub struct Eye {
     pub world_from_view: DQuat,
 }
 
-/// As [`draw`], with suns that need not be among the bodies.
+/// Like [`draw`], but with suns that need not be among the bodies.
 pub fn draw_lit(
     bodies: &[Arc<Body>],
     suns: &[Sun],
@@ -98,8 +98,8 @@ pub fn draw_lit(
         .map(|body| {
             let to_body_m = body.position_m - eye_m;
             let sine = body.radii_m.max_element() / to_body_m.length();
-            // Widened by more than the rounding of the cosine; an eye within the largest semi-axis may see the body in
-            // any direction.
+            // The cone is widened by more than the rounding error of the cosine. An eye within the largest semi-axis
+            // may see the body in any direction.
             let least_cos = if sine < 1.0 { (1.0 - sine * sine).sqrt() - 1e-12 } else { -1.0 };
             let seen = SeenBody::new(body, eye_m, &lights_on(body, suns, eye_m), time_s);
             Target { seen, axis: to_body_m.normalize_or_zero(), least_cos }

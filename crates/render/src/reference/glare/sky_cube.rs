@@ -25,7 +25,7 @@ use crate::{
 /// Ratio of a pixel's radius to its distance from a source below which the centre represents the pixel: for the inverse
 /// cube of the angle, the steepest kernel, the mean is 7e-5 higher.
 const SMALL: f64 = 0.01;
-/// The same ratio for a square for which quadrature with 5 x 5 points is accurate.
+/// The same ratio for a square: below it, quadrature with 5 x 5 points is accurate.
 const SMOOTH: f64 = 0.25;
 /// Radius of the squares that the rim of the plateau crosses, in units of the inner angle.
 const AT_RIM: f64 = 0.05;
@@ -301,7 +301,7 @@ mod tests {
             let count = whole.iter().filter(|[x, y]| (*x >= 50, *y >= 50) == (right, low)).count();
             assert!(count.abs_diff(250) < 15, "{count}");
         }
-        // Not more pixels than there are.
+        // The sample has no more pixels than the picture.
         assert_eq!(sampled_pixels(&mapping, 20_000, &[]).len(), sampled_pixels(&mapping, 10_000, &[]).len());
         assert!(sampled_pixels(&mapping, 10, &[(source, PI)]).is_empty());
     }

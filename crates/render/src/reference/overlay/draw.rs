@@ -81,7 +81,7 @@ fn coverage(shape: &Shape, texels: &[u8], x: u32, y: u32) -> (f64, f64) {
             let texel = texels[(first_texel + row * size[0] + column) as usize];
             (f64::from(texel) / 255.0, nearness)
         }
-        // Its share is that of its texels.
+        // The alpha of the picture's texels determines its share.
         Shape::Picture { nearness, .. } => (1.0, nearness),
     }
 }

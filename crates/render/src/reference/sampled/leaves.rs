@@ -1,5 +1,5 @@
-//! Stars of a deep store for chosen pixels: every star of the leaves around them. The light that other parts of the sky scatter is that of
-//! the composite stars that are always in memory.
+//! Stars of a deep store for chosen pixels: every star of the leaves around them. For other parts of the sky, the composite stars that are always in
+//! memory scatter the light.
 
 use std::ops::Range;
 
@@ -25,8 +25,8 @@ use crate::{
 
 /// Number of parts into which the cells are distributed.
 const PARTS: u64 = 64;
-/// Distance from all chosen pixels beyond which composite stars scatter the light of their stars: their cells have a radius of half a degree,
-/// so that [`super::veil_tree`] would not divide them either.
+/// Distance from all chosen pixels beyond which composite stars scatter the light of their stars: their cells have a radius of half a degree, and
+/// [`super::veil_tree`] would not divide cells of this size at this distance either.
 const FAR_RAD: f64 = 0.18;
 /// Width of the cells of the composite stars that are always in memory, rad.
 const CELL_RAD: f64 = 0.008;
@@ -41,8 +41,8 @@ fn cone_of(bucket: u64) -> (DVec3, f64) {
     PageKey::Tile { plane: BASE_PLANE, cell: bucket as u32 }.cone()
 }
 
-/// Whether the leaves of a cell of the bucket order are read: those around a pixel, or all of them if some of their stars are too faint to
-/// be drawn.
+/// Whether the leaves of a cell of the bucket order are read: those around a chosen pixel, or those of all cells if some of their stars are too faint
+/// to be drawn.
 fn is_read(bucket: u64, directions: &[DVec3], faintest_lx: f64) -> bool {
     if faintest_lx > illuminance_lx_from_magnitude(WHOLE_FROM_MAGNITUDE) {
         return true;
@@ -52,7 +52,7 @@ fn is_read(bucket: u64, directions: &[DVec3], faintest_lx: f64) -> bool {
     directions.iter().any(|direction| direction.dot(axis) >= least_cos)
 }
 
-/// The leaves in a cell of an order that no layer has coarser leaves than: layer and cell.
+/// Returns the leaves in a cell, as layer and cell number. No layer has an order below `order`.
 fn leaves_of(order: u8, cell: u64) -> impl Iterator<Item = (usize, u64)> {
     LAYERS.iter().enumerate().flat_map(move |(layer, of_layer)| {
         let shift = 2 * (of_layer.order - order);
@@ -60,7 +60,7 @@ fn leaves_of(order: u8, cell: u64) -> impl Iterator<Item = (usize, u64)> {
     })
 }
 
-/// Number of stars that [`super::pixels`] reads from leaves for these images, whose stars fainter than `faintest_lx` are not drawn.
+/// Number of stars that [`super::pixels`] reads from leaves for these images, if stars fainter than `faintest_lx` are not drawn.
 pub fn stars_to_read(deep: &DeepSky, faintest_lx: f64, images: &[SampledImage<'_>]) -> u64 {
     if !reaches_leaves(faintest_lx) {
         return 0;
@@ -102,7 +102,7 @@ impl Painter<'_> {
                 for cell in bucket << (2 * (order - BUCKET_ORDER))..(bucket + 1) << (2 * (order - BUCKET_ORDER)) {
                     let stars = self.stars_of_cell(deep, order, cell)?;
                     self.spread_all(&stars, kernels_of, &mut sums);
-                    // The frame scatters their light from composite stars: that of a star next to the pixel from elsewhere.
+                    // The frame scatters the light of these stars from composite stars, and thus not from the position of a star next to the pixel.
                     let (axis, half_angle_rad) = PageKey::Leaf { layer: 0, cell: cell as u32 }.cone();
                     let least_cos = (half_angle_rad + CELL_RAD).cos();
                     let sources = stars.iter().filter_map(|star| self.source(star, star.illuminance_lx));

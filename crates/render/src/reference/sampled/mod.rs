@@ -106,9 +106,8 @@ pub struct PixelLight {
     pub near_cd_m2: f64,
     /// Number of these stars.
     pub near_stars: u32,
-    /// Glare that is not drawn where it belongs, cd/m^2. Each faint source scatters most of it within two pixels of itself:
-    /// here it is the mean over degrees around the pixel. Glare of stars of a deep store that are within about a degree
-    /// is added.
+    /// Glare that the frame does not draw at its true place, cd/m^2. Each faint source scatters most of this glare within two pixels of itself; this
+    /// value is the mean over some degrees around the pixel. The glare of stars of a deep store within about a degree is added.
     pub unresolved_cd_m2: f64,
     /// Whether a nearby star is so close to a threshold that f32 may draw it with another kernel, or not at all.
     pub undecided: bool,
@@ -213,8 +212,8 @@ fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) 
     [0, 1, 2].map(|c| of_stars[c] + of_dust[c])
 }
 
-/// Illuminance below which a source may be too faint to be drawn individually, if its kernel is as wide as the pixels
-/// can resolve: under the brightest veil of the sky, with the coarsest pixels.
+/// Illuminance below which a source may be too faint to be drawn individually. It is that of the worst case: the
+/// brightest veil of the sky, the coarsest pixels, and a kernel as wide as these pixels can resolve.
 fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sight) -> f64 {
     let Some(SampledGlare { kernel, tolerance, .. }) = sky.glare else { return 0.0 };
     let chunk_light = |chunk: &Chunk| -> f64 {
@@ -266,7 +265,7 @@ impl Places {
     fn may_reach(&self, pixel: DVec2) -> bool {
         let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
         let inside = pixel.cmpge(DVec2::splat(-REACH_PX)).all() && pixel.cmple(size + REACH_PX).all();
-        // In such a picture, a kernel that crosses the border reappears elsewhere.
+        // In a picture that wraps, a kernel that crosses the border reappears elsewhere.
         if self.wraps && (pixel.cmplt(DVec2::splat(REACH_PX)).any() || pixel.cmpgt(size - REACH_PX).any()) {
             return inside;
         }
@@ -329,8 +328,8 @@ impl Painter<'_> {
         (star.illuminance_lx >= self.sky.faintest_lx).then_some(source)
     }
 
-    /// Adds the glare of sources that form a tree. `note` gets the veil of these sources in each pixel, and the mean luminance of the faint
-    /// ones around it.
+    /// Adds the glare of sources that form a tree. `note` receives the veil of these sources in each pixel, and the mean luminance of the faint ones
+    /// around it.
     fn add_veil(
         &self,
         sources: impl Iterator<Item = Source>,

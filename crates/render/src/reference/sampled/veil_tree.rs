@@ -172,7 +172,7 @@ mod tests {
             let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
             DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
         };
-        // Unevenly: increasingly bright in blue towards +z.
+        // Uneven light: the blue channel increases towards +z.
         let sources: Vec<Source> = (0..3000)
             .map(|i| Source {
                 direction: direction(i),

@@ -28,8 +28,8 @@ gpu_structs! {
         source_count: u32,
         /// Axes of the horizon, in world axes: east, zenith, south.
         east: [f32; 3],
-        /// Factor on the light of sky and ground. Below 1 if a glare pass follows: it subtracts the light that the pass returns from all
-        /// directions.
+        /// Factor on the light of sky and ground. Below 1 if a glare pass follows: the glare pass adds scattered light from all directions, and this
+        /// factor subtracts that light in advance.
         light_share: f32,
         zenith: [f32; 3],
         /// 1: the ground ends at the same altitude in all directions.
@@ -51,7 +51,7 @@ gpu_structs! {
         landscape_azimuth: f32,
         /// Luminance of a white surface, cd/m^2.
         white: [f32; 3],
-        /// Sine of the altitude at which ground ends that is flat.
+        /// Sine of the altitude at which flat ground ends.
         level_sine: f32,
         /// Size of the landscape picture, texels; 0: there is none.
         landscape_size: [u32; 2],

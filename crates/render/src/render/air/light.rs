@@ -36,7 +36,7 @@ pub(super) struct Form {
     /// Whether the light added by the air is interpolated between points of a grid: in display images with an error
     /// budget.
     pub from_grid: bool,
-    /// Whether the frame has plain blocks, whose light of the air is in their grid.
+    /// Whether the frame has plain blocks. Their grid already contains the light of the air.
     pub has_plain: bool,
 }
 

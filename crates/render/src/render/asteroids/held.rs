@@ -33,7 +33,7 @@ pub(super) struct Held {
     sources: Vec<(Arc<Instances>, Arc<ShapeSet>)>,
     pub(super) kinds: Kinds,
     pub(super) instances: wgpu::Buffer,
-    /// Room for the tables of the pictures of a frame, then those of [`encode_shapes`].
+    /// Room for the tables of a frame's pictures, followed by the tables of [`encode_shapes`].
     pub(super) tables: wgpu::Buffer,
     /// Projected areas of the shapes, divided by pi, set by set.
     areas_of_sets: Vec<Vec<f32>>,
@@ -186,7 +186,7 @@ impl Held {
         Ok(())
     }
 
-    /// Atlases of all sets; empty if there are no impostors.
+    /// Atlases of all sets; empty without impostors.
     pub(super) fn atlases(&self) -> &[ImpostorAtlas] {
         self.atlases.as_ref().map_or(&[], |held| &held.atlases)
     }

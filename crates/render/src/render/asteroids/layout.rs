@@ -99,11 +99,11 @@ gpu_structs! {
         impostor_linear: f32,
         /// Exponent of the same distance.
         impostor_exponent: f32,
-        /// Factor on the distances of detail.
+        /// Factor on the distances at which the levels of detail change.
         quality: f32,
         /// 1: only the finest mesh is used.
         finest_only: u32,
-        /// The view whose classes are used: the other eye's, or this view.
+        /// Index of the view whose classes are used: the view of the other eye, or this view.
         class_view: u32,
         unused_0: u32,
         unused_1: u32,
@@ -154,7 +154,7 @@ gpu_structs! {
         arguments: u32,
         /// 0: finds the greatest depth of each sample. 1: finds the asteroid at that depth. 2: lights the samples.
         stage: u32,
-        /// Factor on the distances of detail.
+        /// Factor on the distances at which the levels of detail change.
         quality: f32,
         /// Greatest angle between the direction and that of the nearest tile, rad.
         tile_error_rad: f32,

@@ -77,7 +77,7 @@ pub struct AsteroidCounts {
     pub points: u64,
     /// Represented by points of light that combine whole groups.
     pub unresolved: u64,
-    /// Outside every picture of the view, including the margin that points reach over.
+    /// Asteroids outside every picture of the view and its margin for points.
     pub culled: u64,
 }
 

@@ -33,7 +33,7 @@ pub(crate) struct AsteroidPoints<'a> {
 }
 
 impl AsteroidPointPass {
-    /// Returns what creates the pass.
+    /// Returns a function that creates the pass.
     pub(crate) fn make(gpu: &Gpu) -> impl FnOnce() -> Self + Send + 'static {
         let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
         let (pipelines, shader) = (gpu.compute_pipelines(), splatting_shader(gpu, "asteroids/points"));

@@ -43,7 +43,7 @@ impl Diffuse {
         }
     }
 
-    /// Whether the texels are those of these skies.
+    /// Whether the held texels belong to these skies.
     fn holds(&self, skies: &[&Arc<DiffuseSky>]) -> bool {
         let same = |(held, sky): (&Weak<DiffuseSky>, &&Arc<DiffuseSky>)| {
             held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, sky))
@@ -52,7 +52,7 @@ impl Diffuse {
     }
 }
 
-/// Layout of a map, without the light that glare takes from it.
+/// Layout of a map. Its unit excludes the light that glare takes away.
 fn map_of(sky: &DiffuseSky, plan: &Plan) -> SkyMap {
     let pictures = sky.pictures();
     SkyMap {

@@ -26,8 +26,8 @@ use crate::{
 const MOST_RAD: f64 = 0.0125;
 /// Maximum distance between grid points, pixels.
 const MOST_PX: u32 = 8;
-/// Roughness per budget that is allowed at the spacing to which the roughness values refer. Measured: the error of
-/// interpolated light is at most a third of the roughness, along both axes together.
+/// Roughness per budget that is allowed at the spacing to which the roughness values refer. Measurements show that the
+/// error of interpolated light is at most a third of the roughness, for both axes together.
 const ROUGHNESS_OF_BUDGET: f64 = 1.5;
 
 /// Pipeline of the pass.
@@ -35,7 +35,7 @@ pub(super) struct DiffusePoints {
     pipeline: OnceLock<wgpu::ComputePipeline>,
 }
 
-/// Distance of the roughness values of a map, rad.
+/// Spacing of the roughness values of a map, rad.
 fn roughness_spacing_rad(sky: Option<&DiffuseSky>) -> f64 {
     sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad())
 }

@@ -45,7 +45,7 @@ impl Technique for Glare {
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        // The frame that reads a map of faint light needs what is held; the pictures of the map have no glare.
+        // The frame that reads a map of faint light needs the held data; the pictures of the map have no glare.
         if frame.plan.smooth_light.part.is_some() {
             return;
         }

@@ -14,11 +14,11 @@ gpu_structs! {
         shown: Display,
         /// The map of faint light.
         faint_map: SkyMap,
-        /// Display value 1 per cd/m^2.
+        /// Display values per cd/m^2.
         display_per_cd_m2: f32,
         /// Greatest error of interpolated light: of display images in codes of 8 bits, of HDR images relative to the luminance.
         most_error: f32,
-        /// Of HDR images: error of interpolated light that is allowed everywhere, cd/m^2.
+        /// HDR images: error of interpolated light that is always allowed, cd/m^2.
         floor_cd_m2: f32,
         /// Relative error of the inverse solid angle that a plain block may have.
         most_solid_angle_error: f32,

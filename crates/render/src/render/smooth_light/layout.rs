@@ -12,7 +12,7 @@ gpu_structs! {
         /// Weights of the neighbours at distances of one and two texels, along each axis.
         blur: [f32; 2],
     }
-    /// Where a picture is stored.
+    /// Storage location of a picture.
     struct PackedPicture {
         /// Index of its first texel.
         first_texel: u32,

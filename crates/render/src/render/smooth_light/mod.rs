@@ -61,7 +61,7 @@ struct SeriesMap {
     /// The map that the last frame could have read.
     last: Option<SkyMap>,
     texels: GrowingBuffer,
-    /// Where the pictures that are drawn now are stored, by viewport.
+    /// Storage locations of the pictures that are being drawn, by viewport.
     packed: Vec<layout::PackedPicture>,
 }
 
@@ -71,7 +71,7 @@ impl SeriesMap {
         Self { held: None, last: None, texels: GrowingBuffer::new("smooth light", usage), packed: Vec::new() }
     }
 
-    /// Finds places for the pictures of a part that is drawn now.
+    /// Finds places for the pictures of a part that is about to be drawn.
     fn place(&mut self, gpu: &Gpu, part: &SkyPart, deep: &DeepPlan) {
         let Some(Held { drawn, .. }) = &mut self.held else { return };
         self.packed.clear();
@@ -144,7 +144,7 @@ impl SmoothLight {
 
 impl Technique for SmoothLight {
     fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
-        // A map of other stars would keep the old star set alive.
+        // Release maps that were made from other stars: they would keep the old star set in memory.
         let is_of_other_stars =
             |map: &SeriesMap| map.held.as_ref().is_some_and(|held| !Arc::ptr_eq(&held.stars, &holding.scene.stars));
         if self.maps.iter().any(is_of_other_stars) {
@@ -244,9 +244,9 @@ impl Technique for SmoothLight {
     }
 }
 
-/// Whether stars that were missing are in memory by now; otherwise they are asked for again.
+/// Whether the stars that were missing are in memory now. If not, requests them again.
 fn are_read(scene: &SceneSnapshot, lack: &Lack) -> bool {
-    // Without keys the memory does not hold them.
+    // Without keys, the missing stars do not fit into the memory.
     let Some(sky) = scene.stars.deep.as_ref().filter(|_| !lack.keys.is_empty()) else { return false };
     let absent = lack.keys.iter().zip(sky.pages_of(&lack.keys)).filter(|(_, page)| page.is_none());
     let wants: Vec<_> = absent.map(|(key, _)| (*key, lack.residual.cd_m2)).collect();

@@ -1,4 +1,4 @@
-//! Which pieces of a map are drawn, and where their texels are in its buffer.
+//! Selects the pieces of a map that are drawn, and the places of their texels in its buffer.
 //!
 //! No shader: places in a buffer, which `shaders/shared/sky_pieces.wgsl` reads.
 //! No twin: places in a buffer.
@@ -16,14 +16,14 @@ use crate::plan::{
     stars::deep::{Lack, Residual},
 };
 
-/// Frames in which all pieces are drawn again that could be better: while a view rests, and while it moves.
+/// Number of frames over which all pieces that could be better are drawn again: while a view rests, and while it moves.
 const FRAMES_OF_IMPROVEMENT: [usize; 2] = [16, 64];
-/// While a view moves, only one piece of those that are off by less than this is drawn again in a frame: most pieces leave the view sooner.
+/// While a view moves, at most one of the pieces whose level is off by less than this is drawn again in a frame: most pieces leave the view sooner.
 const LEVELS_IN_MOTION: f32 = 3.0;
 /// Least number of words for pieces, unless the buffer must be smaller.
 const LEAST_WORDS: u64 = 10_000_000;
 
-/// A piece that has a place.
+/// A piece with a place in the buffer.
 #[derive(Debug)]
 struct Piece {
     /// Its words in the buffer.
@@ -47,7 +47,7 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// Places for twice the pieces that a frame reads, if the buffer may be so large.
+    /// Reserves room for twice the pieces that a frame reads, if the buffer may be that large.
     pub(super) fn new(grid: PieceGrid, read: &[WantedPicture], most_bytes: u64) -> Self {
         let of_table = grid.pieces();
         let wished = (2 * words_needed(&grid, read)).max(LEAST_WORDS);
@@ -66,8 +66,8 @@ impl Pieces {
         words_needed(&self.grid, read) <= self.words.into()
     }
 
-    /// Notes the pieces that a frame reads, and returns those that are to be drawn: absent ones, then some of those whose stars `are_read` by now.
-    /// A piece with texels of a quite different size is absent, and others with texels of another size are drawn again too.
+    /// Records the pieces that a frame reads, and returns those to draw: absent ones, then some of those whose missing stars have been read by now
+    /// (`are_read`). A piece whose texels have a very different size counts as absent. Pieces whose texels have another size are also drawn again.
     pub(super) fn missing(
         &mut self,
         read: &[WantedPicture],
@@ -77,7 +77,7 @@ impl Pieces {
         let moves = self.last_read != read;
         self.last_read = read.to_vec();
         let mut absent = Vec::new();
-        // Pieces that could be better, with how many levels they are off; those without all stars come first.
+        // Pieces that could be better, each with the number of levels by which it is off; those that lacked stars come first.
         let mut improved: Vec<(f32, SkyPicture)> = Vec::new();
         for wanted in read {
             match self.held.get_mut(&wanted.number) {
@@ -117,8 +117,8 @@ impl Pieces {
         all
     }
 
-    /// Gives a piece that is drawn now a place. Returns its first word, and the pieces that have lost theirs: those that were not read for the longest
-    /// time, until there is room. If the free words are in too many parts, also some that are read.
+    /// Gives a piece that is about to be drawn a place. Returns its first word, and the pieces that lost their places: first those that were not read
+    /// for the longest time, until there is room; if the free words are too fragmented, also some that are read.
     pub(super) fn draw(&mut self, picture: SkyPicture, lack: Option<Lack>) -> (u32, Vec<u32>) {
         let SkyPicture { number, level } = picture;
         self.release(number);
@@ -154,7 +154,7 @@ impl Pieces {
         let mut held: Vec<(u32, &Range<u32>)> =
             self.held.iter().map(|(number, piece)| (*number, &piece.words)).collect();
         held.sort_by_key(|(_, words)| words.start);
-        // The pieces from `first` on that must leave, with their words.
+        // The pieces that must be removed from `first` on, with their total number of words.
         let from = |first: usize| {
             let start = first.checked_sub(1).map_or(self.grid.pieces(), |before| held[before].1.end);
             let end = |next: usize| held.get(next).map_or(self.words, |(_, words)| words.start);
@@ -166,8 +166,9 @@ impl Pieces {
         best.map_or_else(Vec::new, |(_, leaving)| leaving.iter().map(|(number, _)| *number).collect())
     }
 
-    /// Width of a piece's picture, texels, and the words before its texels: for each axis of the picture, right and down in texels and outwards, a
-    /// vector in world axes and a fourth word. Those are the position of the centre, from the centre of the first texel on, and the width.
+    /// Width of a piece's picture, texels, and the words before its texels. These are four words for each axis of the picture (right and down, in
+    /// texels, and outwards): a vector in world axes and a fourth word. The fourth words are the two coordinates of the centre, measured from the
+    /// centre of the first texel, and the width.
     pub(super) fn words(&self, picture: SkyPicture) -> (u32, [u32; PIECE_WORDS as usize]) {
         let PieceFrame { world_from_piece, size: [width, height], texel } = self.grid.frame(picture);
         let per_texel = 1.0 / texel;
@@ -237,11 +238,11 @@ mod tests {
             let missing = pieces.missing(read, |_| true);
             missing.into_iter().map(|picture| pieces.draw(picture, None)).collect::<Vec<_>>()
         };
-        // Small pieces, of which the middle one is not read any more.
+        // Small pieces; the middle one is no longer read.
         let small = at(16.0, [1, 2, 3]);
         draw_all(&mut pieces, &small);
         assert!(pieces.are_drawn(&small));
-        // Two large ones fit when the one that is not read has left.
+        // Two large pieces fit after the one that is no longer read was removed.
         let large = at(0.0, [1, 4, 3]);
         let lost: Vec<u32> = draw_all(&mut pieces, &large[..2]).into_iter().flat_map(|(_, lost)| lost).collect();
         assert!(lost.iter().all(|number| [2, 3].contains(number)), "{lost:?}");
@@ -301,12 +302,12 @@ mod tests {
             drawn.len()
         };
         assert_eq!(draw_all(&mut pieces, &at(8.0, 256)), 256);
-        // Moving: all are a little off, then far off, then too far.
+        // While the view moves: all pieces are a little off, then far off, then too far.
         assert_eq!(draw_all(&mut pieces, &at(9.0, 256)), 1);
         assert_eq!(draw_all(&mut pieces, &at(11.5, 256)), 4);
         assert_eq!(draw_all(&mut pieces, &at(14.5, 256)), 251 + 1);
         assert_eq!(draw_all(&mut pieces, &at(16.0, 256)), 4);
-        // At rest those that are a little off follow, too.
+        // While the view rests, those that are a little off follow, too.
         assert_eq!(draw_all(&mut pieces, &at(16.0, 256)), 16);
     }
 }

@@ -98,8 +98,8 @@ pub(super) struct Items {
 /// Up to this number of stars, items of a shuffled order hold one star each, so that every order is possible.
 const SINGLE_STARS: u64 = 1 << 16;
 
-/// Builds the items of a frame. With a seed the items are shuffled; they hold single stars, or many stars if there are
-/// many. A star keeps its number within the set.
+/// Builds the items of a frame. With a seed the items are shuffled; each holds a single star, or many stars if more
+/// than [`SINGLE_STARS`] are visible. A star keeps its number within the set.
 pub(super) fn build_items(
     buffers: &StarBuffers,
     visible: &[VisibleChunk],
@@ -178,7 +178,7 @@ fn tiles_of(batch: &Batch) -> impl Fn(u64) -> u32 + use<> {
     }
 }
 
-/// Adds the items of the pages of a deep store, which are at these places in `segments` buffers.
+/// Adds the items of the pages of a deep store. `places` are the places of the pages in `segments` buffers.
 pub(super) fn push_pages(
     Items { items, runs, .. }: &mut Items,
     visible: &[VisiblePage],
@@ -212,7 +212,7 @@ pub(super) fn push_pages(
     }
 }
 
-/// Number of the first star of a page, from which rounding derives: it depends on nothing but the leaf or tile.
+/// Number of the first star of a page, from which rounding derives. It depends only on the leaf or tile.
 fn first_number(key: PageKey) -> u32 {
     let part = match key {
         PageKey::Leaf { layer, .. } => u32::from(layer),

@@ -31,7 +31,7 @@ struct Held {
     used: u64,
 }
 
-/// A buffer with runs of free stars: their lengths by their first star. Neighbouring runs are joined.
+/// A buffer and its free runs: the length of each run, by its first star. Neighbouring runs are joined.
 struct Segment {
     buffer: wgpu::Buffer,
     free: BTreeMap<u32, u32>,
@@ -123,7 +123,7 @@ impl PageBuffers {
         PagePlace { segment: self.segments.len() - 1, first }
     }
 
-    /// Removes the pages that were not drawn for the longest time until this number of stars fits beside the rest. Pages of this frame stay.
+    /// Removes the pages that were not drawn for the longest time until this number of stars fits next to the rest. Pages of this frame stay.
     fn make_room(&mut self, stars: u64, limit: u64) {
         let mut held: u64 = self.held.values().map(|held| u64::from(held.count)).sum();
         if held + stars <= limit {

@@ -91,7 +91,7 @@ impl StarPass {
         let occlusion = &sums.occlusion;
         let units_per_lx = range.units_per_lx * plan.glare.share_in_sums();
         let mut of_pages = None;
-        // The limit between a frame and the map of faint light that it reads.
+        // Limits for stars of pages: a map that the frame reads contains those below `read_lx`; a picture of the map draws those below `drawn_lx`.
         let SmoothLightPlan { map, part } = &plan.smooth_light;
         let read_lx = map.as_ref().map(|sky| sky.map.below_lx);
         let drawn_lx = part.as_ref().map(|part| part.map.below_lx);

@@ -22,14 +22,14 @@ use crate::{
     render::{RenderError, technique::Recording},
 };
 
-/// Share of the memory of the device that the stars of a turn may take: buffers have gaps.
+/// Share of the device's memory that the stars of a turn may take; the rest is for gaps in the buffers.
 const SHARE_OF_A_TURN: f64 = 0.8;
 
 /// Buffers of a turn.
 pub(super) struct StreamedPages {
     pages: PageBuffers,
     items: ItemBuffers,
-    /// Why the frame lacks stars.
+    /// Reason why the frame lacks stars.
     problem: Option<String>,
 }
 
@@ -86,7 +86,7 @@ impl StreamedPages {
         (sky, turn): (&DeepSky, &[(PageKey, u64)]),
     ) -> Result<(), String> {
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
-        // Draw the last turn.
+        // Draw the previous turn.
         let next = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("streamed stars") });
         let before = std::mem::replace(recording.encoder, next);
         let submitted = gpu.queue.submit([before.finish()]);
@@ -98,7 +98,7 @@ impl StreamedPages {
         };
         let visible = turn.par_iter().map(read).collect::<Result<Vec<_>, DeepError>>();
         let visible = visible.map_err(|error| error.to_string())?;
-        // The buffers are filled again after that turn.
+        // The buffers can be filled again only after the previous turn is drawn.
         gpu.wait(Some(submitted)).map_err(|error| error.to_string())?;
         // Upload and draw them.
         let turn = DeepPlan { visible, device_bytes: plan.stars.deep.device_bytes, ..DeepPlan::default() };

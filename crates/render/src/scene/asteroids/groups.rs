@@ -73,7 +73,7 @@ pub(super) fn grouped(
     (placed.par_iter().map(|one| one.packed).collect(), levels)
 }
 
-/// Sorts neighbours next to each other. `stretch` is the node size of some level, at least the length of the list.
+/// Sorts the list so that neighbours in space are next to each other. `stretch` is the node size of some level, at least the length of the list.
 fn order(placed: &mut [Placed], mut stretch: usize) {
     if placed.len() <= GROUP {
         return;

@@ -1,7 +1,7 @@
 //! Areas of silhouettes of meshes, by counting pixels.
 //!
-//! A pixel is covered if some triangle that faces the eye covers it. The number of such triangles is the winding number of
-//! their outline: of the edges whose other side does not face the eye. The outline has a twentieth of all edges.
+//! A pixel is covered if some triangle that faces the eye covers it. The number of such triangles is the winding number of their outline: of the
+//! edges whose other side does not face the eye. The outline consists of a twentieth of all edges.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ pub(crate) struct Silhouettes<'a> {
 impl<'a> Silhouettes<'a> {
     /// Finds the neighbours. Triangles are counter-clockwise seen from outside.
     pub fn new(positions: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
-        // Edges by their vertices; each next to those with the opposite direction.
+        // Edges, sorted by their vertices: each is next to those with the opposite direction.
         let mut edges: Vec<([u32; 2], bool, usize)> = triangles
             .iter()
             .enumerate()
@@ -100,8 +100,8 @@ fn cross_rows([from, to]: [[f64; 2]; 2], side: usize, crossings: &mut Vec<Crossi
     }
 }
 
-/// The first pixel whose centre is not before a position. `f64::ceil` is a call into the C library on processors of the
-/// baseline, and this is called for every row.
+/// The first pixel whose centre is not before a position. On baseline processors, `f64::ceil` calls the C library, and
+/// this function is called for every row.
 #[inline]
 pub(crate) fn first_centre(position: f64) -> usize {
     let beyond = position - 0.5;

@@ -22,8 +22,8 @@ pub enum ShapeSource {
     },
     /// glTF files, one shape each ([`ShapeSet::from_gltf`]).
     Files(Vec<PathBuf>),
-    /// Files of the field of the configuration with this name: clients cannot name files. The daemon replaces it by
-    /// these files before it makes the field.
+    /// The files of the configuration's field with this name, since clients cannot name files. The daemon replaces this
+    /// name by the files before it makes the field.
     OfField(String),
 }
 

@@ -119,14 +119,13 @@ impl MeshTree {
         self.distance_beyond(point, 0.0, &mut 0)
     }
 
-    /// Distance of a point from the surface, or some distance up to `enough` if the surface is that near. `near` is a triangle that
-    /// may be near; it becomes the nearest one that was found. The search for the largest distance of many points, each next to
-    /// the one before, ends at once for most of them (Taha and Hanbury 2015, *An efficient algorithm for calculating the exact
-    /// Hausdorff distance*).
+    /// Distance of a point from the surface. If this distance is at most `enough`, the result is only some distance up to `enough`. `near` is a
+    /// triangle that may be near; it becomes the nearest one that was found. The search for the largest distance of many points, each next to the one
+    /// before, ends at once for most of them (Taha and Hanbury 2015, *An efficient algorithm for calculating the exact Hausdorff distance*).
     pub fn distance_beyond(&self, point: DVec3, enough: f64, near: &mut usize) -> f64 {
         let squared = |triangle: usize| (point - nearest(&self.corners[triangle], point)).length_squared();
         let mut best = if *near < self.corners.len() { squared(*near) } else { f64::INFINITY };
-        // Nodes that wait. Each level of the tree leaves one at most.
+        // Pending nodes. Each level of the tree leaves at most one.
         let mut open = [0; MOST_LEVELS];
         let mut waiting = usize::from(!self.nodes.is_empty());
         while waiting > 0 && best > enough * enough {

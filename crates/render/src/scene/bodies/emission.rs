@@ -21,7 +21,7 @@ impl Emission {
         Self { luminance_cd_m2, limb_darkening, corona: false }
     }
 
-    /// Mean luminance of the disc, which scales the corona, cd/m^2; `None` if there is no corona.
+    /// Mean luminance of the disc, which scales the corona, cd/m^2; `None` without a corona.
     pub fn corona_cd_m2(&self) -> Option<[f64; 3]> {
         self.corona.then(|| self.luminance_cd_m2.map(|channel| channel * self.mean_over_middle()))
     }

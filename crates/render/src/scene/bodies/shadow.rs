@@ -198,8 +198,8 @@ mod tests {
 
     #[test]
     fn the_shadow_of_a_flattened_planet_is_flattened() {
-        // Saturn and a moon 20 radii behind it. The light at the moon is the share of the Sun's disc that rays towards
-        // its parts find free: an ellipsoid hides a ray if it meets the unit sphere in semi-axes.
+        // Saturn and a moon 20 radii behind it. The light at the moon is the share of the Sun's disc to which rays are
+        // free: the ellipsoid blocks a ray that, in units of the semi-axes, meets the unit sphere.
         let au_m = crate::units::ASTRONOMICAL_UNIT_M;
         for tilt_deg in [0.0_f64, 20.0, 60.0] {
             let mut saturn = Body::preset(SolarBody::Saturn, "saturn", DVec3::X * 9.5 * au_m);

@@ -18,8 +18,9 @@ const fn crowded(index: usize) -> (f64, f64) {
     ((3.0 - 2.0 * t) * t * t, 6.0 * t * (1.0 - t) / NODES as f64)
 }
 
-/// Light that a distant eye gets from a body in the light of a distant sun, relative to a sphere with the mean projected
-/// area of the body; 1 for a sphere. Unit vectors, world axes; without spin, which round equators do not show.
+/// Light that a distant eye gets from a body in the light of a distant sun, relative to a sphere with the mean
+/// projected area of the body; 1 for a sphere. Unit vectors, world axes. The spin is ignored, because it does not
+/// change bodies with round equators.
 pub(super) fn light_over_sphere(body: &Body, to_eye: DVec3, to_sun: DVec3) -> f64 {
     let radii_m = body.radii_m;
     let law = body.surface.law;
@@ -33,7 +34,7 @@ pub(super) fn light_over_sphere(body: &Body, to_eye: DVec3, to_sun: DVec3) -> f6
     let (eye, sun) = (to_body * to_eye / shape, to_body * to_sun / shape);
     let first = eye.normalize();
     let across = sun - first * sun.dot(first);
-    // In opposition only rounding is left of it, in any direction.
+    // In opposition, only rounding errors are left of this vector, in any direction.
     let is_known = across.length() > 1e-9 * sun.length();
     let second = if is_known { across.normalize() } else { first.any_orthonormal_vector() };
     let third = first.cross(second);

@@ -174,7 +174,7 @@ pub fn reflected_lx(body: &Body, to_eye_m: DVec3, light: &Light) -> [f64; 3] {
 
 /// The direct light of suns on a body.
 fn suns_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
-    // Half the smallest axis: independent of the body's rotation, and no two suns that do not overlap are this close.
+    // Half the smallest axis: it does not depend on the body's rotation, and two suns that do not overlap are never this close.
     let within_m = body.radii_m.min_element() / 2.0;
     let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
     outside.filter_map(|sun| Some(with_phase_curve(sun.light_on(body)?, body, eye_m, sun.year))).collect()
@@ -192,8 +192,8 @@ fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3, year: f64) -> L
         let eye_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { latitude_rad(to_eye_m) };
         let tilt = Tilt { eye_rad, sun_rad: latitude_rad(light.direction) };
         let factor = phase_curve::factor(measured_body, body.surface.law, albedo, radius_m, phase_rad, tilt, year);
-        // The factor is that of a sphere. All curves contain the outline of the body, Saturn's also its change with the
-        // tilt.
+        // The factor applies to a sphere. All curves include the effect of the body's outline, and Saturn's also the
+        // change of its outline with the tilt.
         let shape = to_eye_m.try_normalize().map_or(1.0, |to_eye| light_over_sphere(body, to_eye, light.direction));
         let scale = factor / (shape * tint(body.surface.geometric_albedo, light.illuminance_lx));
         light.illuminance_lx = light.illuminance_lx.map(|channel| channel * scale);
@@ -202,7 +202,7 @@ fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3, year: f64) -> L
 }
 
 /// Luminance that a coloured surface reflects from coloured light, relative to the product of the luminances of both,
-/// which the curves mean: 0.98 to 1.02 for the presets in sunlight.
+/// to which the curves refer: 0.98 to 1.02 for the presets in sunlight.
 fn tint(albedo: [f64; 3], illuminance_lx: [f64; 3]) -> f64 {
     let reflected = luminance([0, 1, 2].map(|c| albedo[c] * illuminance_lx[c]));
     let product = luminance(albedo) * luminance(illuminance_lx);

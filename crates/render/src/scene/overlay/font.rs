@@ -13,7 +13,7 @@ pub fn font() -> &'static FontRef<'static> {
     &FONT
 }
 
-/// The first character of a text that is missing in the font.
+/// Returns the first character of a text that the font lacks.
 pub fn missing_character(text: &str) -> Option<char> {
     text.chars().find(|character| character.is_control() || font().glyph_id(*character) == GlyphId(0))
 }

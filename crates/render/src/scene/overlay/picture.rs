@@ -12,7 +12,7 @@ use super::Anchor;
 /// Required format of the file.
 const WANTED: &str = "a picture of the overlay is a PNG of 8 bits per channel, with or without alpha";
 
-/// Texels of all pictures together at most: 64 MiB on the adapter, and a third more for coarser levels.
+/// Maximum number of texels of all pictures together: 64 MiB on the adapter, and a third more for coarser levels.
 pub const MOST_PICTURE_TEXELS: usize = 1 << 24;
 
 /// A level of a picture: sRGB codes and alpha, row by row from the top.
@@ -26,7 +26,7 @@ pub struct Level {
     pub rgba: Vec<[u8; 4]>,
 }
 
-/// A picture at its own size, at half of it, and so on.
+/// A picture at its full size, at half of it, and so on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureLevels {
     levels: Vec<Level>,
@@ -41,7 +41,7 @@ pub struct Picture {
     pub levels: Arc<PictureLevels>,
     /// The PNG that it was made from, if a client has sent it.
     pub png: Option<Arc<[u8]>>,
-    /// Its middle: a direction.
+    /// Direction of its middle.
     pub anchor: Anchor,
     /// Angle between the middles of its left and right edges, rad, below pi.
     pub width_rad: f64,
@@ -56,17 +56,17 @@ impl PictureLevels {
     ///
     /// # Errors
     ///
-    /// The file cannot be read, is no PNG, or has another format.
+    /// The file cannot be read, is not a PNG, or has another format.
     pub fn from_png(path: &Path) -> Result<Self, PictureError> {
         let PictureFile { size, rgba, .. } = PictureFile::read(path, WANTED)?;
         Ok(Self::new(size, rgba))
     }
 
-    /// Reads the content of a file; `name` stands for its path in messages.
+    /// Reads the content of a file; messages use `name` as its path.
     ///
     /// # Errors
     ///
-    /// It is no PNG, or has another format.
+    /// It is not a PNG, or has another format.
     pub fn from_png_bytes(name: &Path, bytes: &[u8]) -> Result<Self, PictureError> {
         let PictureFile { size, rgba, .. } = PictureFile::decode(name, bytes, WANTED)?;
         Ok(Self::new(size, rgba))
@@ -93,7 +93,7 @@ impl PictureLevels {
 }
 
 impl Level {
-    /// Means of two by two texels, in linear light, weighted by alpha; beyond an odd last row or column there is nothing.
+    /// Means of two by two texels, in linear light, weighted by alpha; texels beyond an odd last row or column count as transparent.
     fn halved(&self) -> Self {
         let size = self.size.map(|side| side.div_ceil(2));
         let [width, height] = self.size;

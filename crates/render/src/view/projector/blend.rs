@@ -92,7 +92,7 @@ impl Blend {
         if self.code_factors.is_some() { dimmed.of_codes() } else { dimmed }
     }
 
-    /// The same blend for display images whose codes are multiplied, as SGCT does. In light, which has no codes, alpha applies.
+    /// The same blend for display images whose codes are multiplied, as in SGCT. Where the image is light without codes, alpha applies.
     #[must_use]
     pub fn of_codes(self) -> Self {
         let factor = |[alpha, _]: &[f32; 2]| f64::from(*alpha).powf(1.0 / DISPLAY_GAMMA) as f32;
@@ -100,7 +100,7 @@ impl Blend {
         Self { code_factors, ..self }
     }
 
-    /// Factors on the codes of all pixels, if no black is lifted besides.
+    /// Factors on the codes of all pixels, if the blend does not also raise black.
     pub(super) fn code_factors_alone(&self) -> Option<&[f32]> {
         self.code_factors.as_deref().filter(|_| !self.lifts_black)
     }

@@ -203,7 +203,7 @@ mod tests {
                     let light = |code: u8| linear_from_srgb(f64::from(code) / 255.0);
                     let share = |code: u8| light(code) * f64::from(alpha) * (1.0 - f64::from(beta)) + f64::from(beta);
                     for (found, from) in [(pixel[0], code as u8), (pixel[2], 255 - code as u8)] {
-                        // Half a code of the result.
+                        // The result may differ by half a code.
                         let [below, above] =
                             [-0.5, 0.5].map(|by| ((f64::from(found) + by) / 255.0).clamp(0.0, 1.0)).map(light_of);
                         let expected = share(from);
@@ -236,10 +236,10 @@ mod tests {
                 codes.filter(|(code, pixel)| (f64::from(pixel[0]) - exact(*code)).abs() > most).count()
             };
             assert_eq!(differs(&halved.display(picture.clone()), 0.501), 0, "{gamma:?}");
-            // The way of blends that also lift black.
+            // Check the same with a blend that also raises black.
             assert_eq!(differs(&lifted.display(picture.clone()), 0.6), 0, "{gamma:?}");
             assert!((halved.codes(9, [linear_from_srgb(0.5); 3])[1] * 255.0 - exact(127)).abs() < 0.5, "{gamma:?}");
-            // Shares of light are the same for a response of that gamma only.
+            // Shares of light give the same result only for a response with that gamma.
             let others = differs(&of_light.display(picture), 0.501);
             assert_eq!(others == 0, gamma == Some(DISPLAY_GAMMA), "{gamma:?}: {others}");
         }

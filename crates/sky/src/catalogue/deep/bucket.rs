@@ -1,4 +1,4 @@
-//! The stars of one cell of order 4 on their way to leaves and planes.
+//! Encodes the stars of one cell of order 4 (a bucket) as leaves and planes.
 //!
 //! Everything here depends on the stars of the cell alone and not on their order, so that cells can be encoded in parallel, and the same stars
 //! always give the same bytes.
@@ -18,11 +18,11 @@ use crate::units::{SOLAR_TEMPERATURE_K, illuminance_lx_from_magnitude};
 /// Faintest magnitude that a leaf can hold.
 pub const FAINTEST_MAG: f64 = LAYERS[LAYERS.len() - 1].magnitude as f64 + MAGNITUDES;
 
-/// A star of a bucket, as it is kept on disk between the two passes of an import.
+/// A star of a bucket, in the form in which it is stored on disk between the two passes of an import.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BucketStar {
-    /// Coordinates in the face; the face is that of the bucket.
+    /// Coordinates in the face that contains the bucket.
     pub xy: [u32; 2],
     /// Apparent V magnitude.
     pub v_mag: f32,
@@ -32,12 +32,13 @@ pub struct BucketStar {
     pub temperature_k: f32,
 }
 
-/// Index of the layer of a magnitude: the last one whose stars are not fainter; stars brighter than all layers are in the first.
+/// Returns the index of the layer for a magnitude: the last layer whose brightest magnitude is not fainter. Stars brighter than all layers belong to
+/// the first one.
 fn layer_of(v_mag: f32) -> usize {
     LAYERS.iter().rposition(|layer| v_mag >= f32::from(layer.magnitude)).unwrap_or(0)
 }
 
-/// A number that sorts like the f32.
+/// Maps an f32 to an integer with the same sort order.
 fn ordered(value: f32) -> u32 {
     let bits = value.to_bits();
     if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
@@ -57,9 +58,9 @@ pub struct BucketLeaves {
     pub words: [Vec<u64>; LAYERS.len()],
     /// Number of stars of each leaf.
     pub counts: [Vec<u32>; LAYERS.len()],
-    /// Stars that equal another one in every field and were left out.
+    /// Number of stars that were left out because another one equals them in every field.
     pub repeated: u64,
-    /// Stars without colour that got the median temperature of their leaf or bucket.
+    /// Number of stars without colour that got the median temperature of their leaf or bucket.
     pub median_colour: u64,
 }
 
@@ -72,7 +73,7 @@ impl BucketLeaves {
             let place = SkyPlace { face, xy: star.xy };
             (layer, place.cell(LAYERS[layer].order) as usize & (LAYERS[layer].leaves_per_bucket() - 1))
         };
-        // Layer, leaf, then brightest first; equal magnitudes by the other fields.
+        // Sort by layer, then by leaf, then from the brightest star; sort stars of equal magnitude by their other fields.
         let key = |star: &BucketStar| {
             let (layer, leaf) = leaf_of(star);
             (layer as u64) << 60
@@ -118,7 +119,7 @@ impl BucketLeaves {
         leaves
     }
 
-    /// The table entries of the leaves, by layer.
+    /// The index segments of the leaves, by layer.
     pub fn segments(&self) -> [Vec<Segment>; LAYERS.len()] {
         std::array::from_fn(|layer| {
             let leaves = self.ranges(layer).map(|range| Segment::new(range.len() as u32, &self.words[layer][range]));
@@ -126,7 +127,7 @@ impl BucketLeaves {
         })
     }
 
-    /// Words of each leaf of a layer.
+    /// Returns the range of words of each leaf of a layer.
     fn ranges(&self, layer: usize) -> impl Iterator<Item = Range<usize>> {
         let mut first = 0;
         self.counts[layer].iter().map(move |count| {
@@ -136,14 +137,14 @@ impl BucketLeaves {
     }
 }
 
-/// Median temperature of the stars with a known one.
+/// Median temperature of the stars whose temperature is known.
 fn median_temperature_k(stars: &[BucketStar]) -> Option<f32> {
     let mut known: Vec<f32> = stars.iter().map(|star| star.temperature_k).filter(|t| *t > 0.0).collect();
     let middle = known.len() / 2;
     (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// Sums of the light of a bucket's leaves, as their words are decoded.
+/// Sums of the light of a bucket's leaves, computed from the decoded words.
 pub struct BucketSums {
     /// Light of each layer in each cell of [`SUM_ORDER`].
     pub light: [[[f64; 3]; 4]; LAYERS.len()],
@@ -151,7 +152,7 @@ pub struct BucketSums {
     pub planes: Vec<Vec<CellSum>>,
 }
 
-/// Bits of a place that select the cell of a layer's finest plane inside of a leaf: planes begin four orders finer than leaves.
+/// Number of coordinate bits that select the cell of a layer's finest plane within a leaf: the finest plane is four orders finer than the leaves.
 const FINER_ORDERS: u32 = 4;
 
 const _: () =
@@ -162,7 +163,7 @@ impl BucketSums {
     pub fn new(leaves: &BucketLeaves) -> Self {
         let mut light = [[[0.0; 3]; 4]; LAYERS.len()];
         let mut planes: Vec<Vec<CellSum>> = vec![Vec::new(); PLANES.len()];
-        // Begin with the faintest layer: a plane has the light of its own layer and of all fainter ones.
+        // Begin with the faintest layer: a plane contains the light of its layer and of all fainter ones.
         let mut fainter: Vec<CellSum> = Vec::new();
         for layer in (0..LAYERS.len()).rev() {
             let mut cells = coarser(&fainter);
@@ -187,7 +188,7 @@ impl BucketSums {
     }
 }
 
-/// Cells of the finest plane of a layer with the light of its stars; adds their light to the cells of [`SUM_ORDER`].
+/// Returns the cells of the finest plane of a layer with the light of its stars; also adds this light to the cells of [`SUM_ORDER`].
 fn layer_cells(layer: usize, leaves: &BucketLeaves, light: &mut [[f64; 3]; 4]) -> Vec<CellSum> {
     let per_bucket = LAYERS[layer].leaves_per_bucket();
     let mut cells = vec![CellSum::default(); per_bucket << (2 * FINER_ORDERS)];
@@ -241,7 +242,7 @@ mod tests {
         let first = BucketLeaves::encode(bucket, some.clone());
         let mut shuffled: Vec<BucketStar> = some.iter().rev().copied().collect();
         shuffled.rotate_left(777);
-        // Repeated stars are counted and left out.
+        // Repeated stars are left out and counted.
         shuffled.extend_from_slice(&some[..40]);
         let second = BucketLeaves::encode(bucket, shuffled);
         assert_eq!((first.words.clone(), first.counts.clone()), (second.words, second.counts));
@@ -261,7 +262,7 @@ mod tests {
             for (leaf, range) in leaves.ranges(layer).enumerate() {
                 let words = &leaves.words[layer][range];
                 let lights: Vec<u32> = words.iter().map(|bits| Word::from_bits(*bits).light).collect();
-                // The carried remainder may exchange neighbours of nearly equal light.
+                // The remainder of rounding that is carried may swap the order of neighbours of nearly equal light.
                 assert!(lights.windows(2).all(|pair| pair[1] + 1 >= pair[0]), "{lights:?}");
                 let cell = bucket << (2 * (kind.order - BUCKET_ORDER)) | leaf as u64;
                 let frame = super::super::cells::CellFrame::new(kind.order, cell);

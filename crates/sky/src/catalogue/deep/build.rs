@@ -1,14 +1,15 @@
 //! Builds a deep store in bounded memory, in two passes.
 //!
 //! The first pass distributes the stars of the leaves to a file for each cell of order 4 (20 bytes a star, [`spill`](super::spill)); bright stars are
-//! collected. The second pass reads cell by cell, encodes several at a time on all cores, and appends them in the order of the cells. So the bytes of a
-//! store depend on its stars alone, and not on their order or the number of threads.
+//! collected. The second pass reads cell by cell, encodes several at a time on all cores, and appends them in the order of the cells. Therefore the
+//! bytes of a store depend on its stars alone, and not on their order or the number of threads.
 //!
-//! With a range of cells ([`CellRange`]) the store is a part ([`part`](super::part)): it has only the stars of these cells, and the other cells are empty.
+//! With a range of cells ([`CellRange`]) the store is a part ([`part`](super::part)): it contains only the stars of these cells, and the other cells
+//! are empty.
 //!
-//! Work is done in a folder next to the destination, `NAME.partial`, with the state of the work and the unfinished store in `store`. Another run with
-//! the same inputs continues there; finished inputs and cells are not done again. At the end `store` is renamed: a reader never sees a part of a store.
-//! The state survives the end of the process at any time. After a power failure checksums show whether it is usable.
+//! The working folder is next to the destination and called `NAME.partial`. It contains the state of the work, and the unfinished store in `store`.
+//! Another run with the same inputs continues there; finished inputs and cells are not done again. At the end `store` is renamed: a reader never sees
+//! an incomplete store. The state stays valid if the process ends at any time. After a power failure, checksums reveal whether it is usable.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -33,22 +34,22 @@ use super::work::{self, STORE};
 use super::writer::{EncodedBucket, Writer};
 use super::{BUCKET_ORDER, BUCKETS, EPOCH_YEAR, LAYERS};
 
-/// Smallest limit of memory, bytes.
+/// Minimum memory limit, bytes.
 pub const LEAST_MEMORY: u64 = 64 << 20;
-/// Limit of memory if none is given, bytes.
+/// Default memory limit, bytes.
 pub const DEFAULT_MEMORY: u64 = 1 << 30;
 
-/// Memory that the second pass needs for each star of a bucket: as read, sorted, and encoded.
+/// Memory that the second pass needs for each star of a bucket, bytes: for its copies as read, sorted and encoded.
 const BYTES_PER_STAR: u64 = 64;
-/// Memory for the cells of a bucket's planes.
+/// Memory for the cells of a bucket's planes, bytes.
 const BYTES_PER_BUCKET: u64 = 9 << 20;
-/// Memory that each bright star needs while they are sorted.
+/// Memory for each bright star during sorting, bytes.
 const BYTES_PER_BRIGHT_STAR: u64 = 140;
-/// Memory for the program and the tables of the store.
+/// Memory for the program and the tables of the store, bytes.
 const BASE_MEMORY: u64 = 48 << 20;
 /// Time between checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
-/// Largest number of buckets that are encoded at a time.
+/// Maximum number of buckets that are encoded at a time.
 const MOST_AT_ONCE: u64 = 64;
 
 /// Julian years from J2000.0 to the epoch of leaves.
@@ -57,18 +58,18 @@ const YEARS: f64 = EPOCH_YEAR - 2000.0;
 /// Destination and limits.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// The store: a folder.
+    /// Folder of the store.
     pub out: PathBuf,
-    /// Limit of the memory, bytes.
+    /// Memory limit, bytes.
     pub memory_bytes: u64,
-    /// All that determines the stars: an unfinished store is only continued if it is the same.
+    /// Description of everything that determines the stars. An unfinished store is continued only if its description is the same.
     pub job: String,
-    /// Make a part of the store, with the stars of these cells.
+    /// If given, makes a part of the store with the stars of these cells.
     pub cells: Option<CellRange>,
 }
 
 impl BuildOptions {
-    /// The job of these inputs.
+    /// Returns the job: the inputs, and the range of cells if there is one.
     pub(super) fn job_of(&self, inputs: &str) -> String {
         self.cells.map_or_else(|| inputs.to_owned(), |cells| format!("{inputs}, cells {cells}"))
     }
@@ -77,7 +78,7 @@ impl BuildOptions {
 /// Progress of one part of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildStep {
-    /// Description of the part.
+    /// Name of this part of the work.
     pub work: &'static str,
     /// Finished units.
     pub done: u64,
@@ -93,24 +94,24 @@ pub type OnStep<'a> = dyn FnMut(BuildStep) + Send + 'a;
 pub struct NewStar {
     /// Proper and radial motion, as in [`StarVelocity`](super::super::motion::StarVelocity).
     pub velocity: Option<[f32; 3]>,
-    /// Names, if it has some.
+    /// Names, if it has any.
     pub names: Option<StarNames>,
-    /// Whether its temperature is a guess.
+    /// Whether its colour is unknown; its temperature is then a guess.
     pub without_colour: bool,
-    /// Whether its distance is that of the prior.
+    /// Whether its distance was computed from the prior.
     pub prior_distance: bool,
     /// Whether it is a star of the built-in table.
     pub is_built_in: bool,
 }
 
-/// Stars that are fainter than the requested number of stars are left out.
+/// Faint limit that leaves the requested number of stars.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
-    /// V magnitude of the faintest star.
+    /// V magnitude of the faintest star that is kept.
     pub v_mag: f32,
-    /// Number of bright stars of exactly this magnitude that are kept, by cell of order 4.
+    /// Number of bright stars of exactly this magnitude that are kept; the first ones by cell of order 4 are kept.
     pub bright_ties: u64,
-    /// Number of stars in leaves of exactly this magnitude that are kept, by cell of order 4.
+    /// Number of stars in leaves of exactly this magnitude that are kept; the first ones by cell of order 4 are kept.
     pub leaf_ties: u64,
 }
 
@@ -123,13 +124,13 @@ pub struct BuildReport {
     pub bright: u64,
     /// Number of stars in each layer.
     pub layers: [u64; LAYERS.len()],
-    /// Stars that needed a rule, and those that were left out.
+    /// Numbers of stars that needed a rule, and of those that were left out.
     pub tally: Tally,
-    /// Motions and names of bright stars that are stored.
+    /// Numbers of motions and names of bright stars that are stored.
     pub motions: u64,
     /// See `motions`.
     pub names: u64,
-    /// Length of all files.
+    /// Total length of all files, bytes.
     pub bytes: u64,
     /// Root checksum.
     pub root: String,
@@ -139,29 +140,29 @@ pub struct BuildReport {
 pub struct Build {
     options: BuildOptions,
     folder: PathBuf,
-    /// Held until the end, so that no other program works in the folder.
+    /// Held until the end, so that no other program uses the folder.
     _lock: File,
     state: State,
     spill: Spill,
     bright: BrightStars,
-    /// When the state was saved or read.
+    /// Time at which the state was last saved or read.
     saved: Instant,
 }
 
-/// Folder of the stars between the passes, in the folder of the work.
+/// Folder in the working folder for the stars between the two passes.
 const CELLS: &str = "cells";
 impl Build {
     /// Begins a store, or continues an unfinished one with the same job.
     ///
     /// # Errors
-    /// The destination is something else than a deep store, an unfinished store has another job or is in use, or I/O fails.
+    /// The destination exists and is not a deep store, an unfinished store has another job or is in use, or I/O fails.
     pub fn open(options: BuildOptions) -> Result<Self, DeepError> {
         if options.memory_bytes < LEAST_MEMORY {
             return Err(memory_error("a deep store", LEAST_MEMORY, options.memory_bytes));
         }
         let (folder, lock) = work::begin(&options.out)?;
         let (read, store) = (State::read(&folder)?, folder.join(STORE));
-        // A program that was killed after it had renamed the store left the rest behind.
+        // Ignore the remains of a program that was killed after it had renamed the store.
         let read = read.filter(|state| !state.is_read || store.exists());
         fs::create_dir_all(&store).map_err(DeepError::io(&store))?;
         let state = match read {
@@ -186,7 +187,7 @@ impl Build {
         self.options.cells.unwrap_or(CellRange::ALL)
     }
 
-    /// Number of inputs that are finished.
+    /// Number of finished inputs.
     pub fn steps_done(&self) -> usize {
         self.state.steps
     }
@@ -196,15 +197,15 @@ impl Build {
         self.state.is_read
     }
 
-    /// State of the source at the last checkpoint, or empty.
+    /// State of the source at the last checkpoint; empty if there is none.
     pub fn source(&self) -> &str {
         &self.state.source
     }
 
-    /// Adds a star at J2000.0. A part leaves out those in other cells, except stars of the built-in table: they may be the same as stars in its cells.
+    /// Adds a star at J2000.0. A part leaves out stars in other cells, except stars of the built-in table, which may duplicate stars in its cells.
     ///
     /// # Errors
-    /// Writing fails, or there are too many bright stars for the memory.
+    /// Writing fails, or the bright stars exceed the memory limit.
     pub fn add(&mut self, record: StarRecord, about: NewStar) -> Result<(), DeepError> {
         let v_mag = record.apparent_magnitude() as f32;
         if !is_resident(&record, v_mag, about.velocity) {
@@ -266,12 +267,12 @@ impl Build {
         self.spill.push(cell, star)
     }
 
-    /// Whether the last checkpoint is so old that it is time for another one.
+    /// Whether enough time has passed since the last checkpoint to make another one.
     pub fn is_checkpoint_due(&self) -> bool {
         self.saved.elapsed() > CHECKPOINT_EVERY
     }
 
-    /// Saves the state after the first `steps` inputs.
+    /// Saves the state after the first `steps` inputs were read.
     pub fn checkpoint(&mut self, steps: usize, source: String) -> Result<(), DeepError> {
         self.state.spill = self.spill.flush()?;
         self.state.bright = self.bright.save(&self.folder)?;
@@ -282,10 +283,10 @@ impl Build {
         Ok(())
     }
 
-    /// Writes the store after all inputs; `limit`: see [`Limit`].
+    /// Writes the store after all inputs were added; for `limit` see [`Limit`].
     ///
     /// # Errors
-    /// No star is left, memory does not suffice for the largest cell, or I/O fails.
+    /// No star is left, the memory limit is too low for the largest cell, or I/O fails.
     pub fn finish(
         mut self,
         limit: Option<Limit>,
@@ -321,7 +322,7 @@ fn memory_error(what: &str, needed: u64, limit: u64) -> DeepError {
     DeepError::Memory { what: what.to_owned(), needed_mib: needed.div_ceil(1 << 20), limit_mib: limit >> 20 }
 }
 
-/// Reads the stars of a bucket that are not beyond the limit.
+/// Reads the stars of a bucket that are within the faint limit.
 fn stars_of_bucket(
     folder: &Path,
     state: &State,
@@ -332,7 +333,7 @@ fn stars_of_bucket(
     let mut ties = Vec::new();
     if let Some(limit) = limit {
         ties.extend(stars.iter().filter(|star| star.v_mag == limit).copied());
-        // Their order must not depend on the order of the input.
+        // Sort these stars, because their order must not depend on the order of the input.
         ties.sort_unstable_by_key(|star| star.xy);
         stars.retain(|star| star.v_mag < limit);
     }
@@ -359,7 +360,7 @@ fn encode_all(
     let mut ready: Vec<(EncodedBucket, u64)> = Vec::new();
     let mut next = writer.finished();
     loop {
-        // Half of the memory is for the buckets that are being written.
+        // Half of the memory is reserved for the buckets that are being written.
         let (first, mut used) = (next, 0);
         while next < BUCKETS && next - first < MOST_AT_ONCE && (next == first || used + cost(next) <= memory / 2) {
             used += cost(next);
@@ -389,7 +390,7 @@ fn encode_all(
         let (written, encoded) =
             rayon::join(|| ready.iter().try_for_each(|(bucket, left)| writer.append(bucket, *left)), encode);
         written?;
-        // Their files are not needed any more.
+        // Their files are no longer needed.
         for bucket in writer.finished() - ready.len() as u64..writer.finished() {
             spill::remove(&folder.join(CELLS), &state.spill, bucket)?;
             done += spill::stars_of(&state.spill, bucket);
@@ -417,7 +418,7 @@ mod tests {
         let expected = built(&whole, &all);
         let out = folder.path().join("continued");
 
-        // A program that ends after its first checkpoint, and had added more.
+        // Simulate a program that added more stars after its first checkpoint and then ended.
         let mut build = Build::open(options(&out)).expect("new");
         all[..1000].iter().try_for_each(|(star, about)| build.add(*star, about.clone())).expect("added");
         build.checkpoint(1, "first".to_owned()).expect("saved");
@@ -433,7 +434,7 @@ mod tests {
         all[1000..].iter().try_for_each(|(star, about)| build.add(*star, about.clone())).expect("added");
         build.state.is_read = true;
         build.checkpoint(2, String::new()).expect("saved");
-        // A few buckets are finished, and the next one is written in part.
+        // Simulate a program that ended after a few buckets were finished, with the next one partly written.
         let mut writer = Writer::open(&build.folder.join(STORE), &build.folder).expect("opened");
         for bucket in 0..700 {
             let (stars, _) = stars_of_bucket(&build.folder, &build.state, bucket, None).expect("read");
@@ -491,7 +492,7 @@ mod tests {
         let bright = store.bright().expect("valid");
         assert_eq!((bright.velocities.len() as u64, bright.names.len() as u64), (report.motions, report.names));
         assert!(report.motions > 10 && report.names > 1 && median_colour > 50, "{report:?}");
-        // A star of a leaf is at the epoch of the leaves.
+        // The position of a star in a leaf is that of the leaves' epoch.
         let (star, about) =
             all.iter().find(|(star, about)| about.velocity.is_some() && star.apparent_magnitude() > 17.1).expect("one");
         let mut moved = *star;

@@ -21,7 +21,7 @@ impl CellRange {
     /// All cells.
     pub const ALL: Self = Self { first: 0, end: BUCKETS };
 
-    /// The cells from `first` to before `end`; `None` if there are none, or if `end` is beyond the last cell.
+    /// Creates the range from `first` to `end`, which is excluded; `None` if it is empty, or if `end` is beyond the last cell.
     pub fn new(first: u64, end: u64) -> Option<Self> {
         (first < end && end <= BUCKETS).then_some(Self { first, end })
     }
@@ -36,17 +36,17 @@ impl CellRange {
         self.end
     }
 
-    /// Whether the range has this cell.
+    /// Whether the range contains this cell.
     pub fn contains(self, cell: u64) -> bool {
         (self.first..self.end).contains(&cell)
     }
 
-    /// Whether a direction is in one of the cells.
+    /// Whether a direction is in a cell of the range.
     pub fn contains_direction(self, direction: glam::DVec3) -> bool {
         self == Self::ALL || self.contains(SkyPlace::from_direction(direction).cell(BUCKET_ORDER))
     }
 
-    /// The same part of the sky in cells of a finer order.
+    /// Returns the range of cells of a finer order that covers the same part of the sky.
     pub fn at_order(self, order: u8) -> Range<usize> {
         let shift = 2 * (order - BUCKET_ORDER);
         (self.first << shift) as usize..(self.end << shift) as usize

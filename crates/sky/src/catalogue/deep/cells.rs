@@ -1,8 +1,8 @@
-//! HEALPix cells in nested order, and places inside them (Górski et al. 2005, ApJ 622, 759).
+//! HEALPix cells in nested order, and positions inside them (Górski et al. 2005, ApJ 622, 759).
 //!
-//! The sphere consists of 12 base cells ("faces"). A place has coordinates x and y from 0 to 1 in its face, from the southern corner to the
-//! east and to the west. Here both are fixed-point numbers of 32 bits: a step is 0.08 mas. A cell of order k is what the first k bits of x
-//! and y select; its number interleaves these bits. The bits that follow are the place in the cell.
+//! The sphere consists of 12 base cells ("faces"). A position has coordinates x and y from 0 to 1 in its face: from the southern corner, x increases
+//! to the east and y to the west. Here both are fixed-point numbers of 32 bits: a step is 0.08 mas. The first k bits of x and y select a cell of
+//! order k; its number interleaves these bits. The remaining bits are the position in the cell.
 
 use glam::{DVec3, Vec3};
 
@@ -15,10 +15,10 @@ pub const fn cell_count(order: u8) -> u64 {
 const FACE_RING: [f64; 12] = [2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0, 4.0, 4.0, 4.0, 4.0];
 const FACE_LONGITUDE: [f64; 12] = [1.0, 3.0, 5.0, 7.0, 0.0, 2.0, 4.0, 6.0, 1.0, 3.0, 5.0, 7.0];
 
-/// Steps of a coordinate in its face.
+/// Number of steps of a coordinate in its face.
 const STEPS: f64 = 4_294_967_296.0;
 
-/// A place on the sphere.
+/// A position on the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SkyPlace {
     /// Face, 0 to 11.
@@ -27,7 +27,7 @@ pub struct SkyPlace {
     pub xy: [u32; 2],
 }
 
-/// A number from 0 to 1 in steps of 2^-32.
+/// Converts a number from 0 to 1 to steps of 2^-32.
 fn fixed(value: f64) -> u32 {
     // The conversion saturates at both ends.
     (value * STEPS) as u32
@@ -54,7 +54,7 @@ const fn gathered(wide: u64) -> u32 {
 }
 
 impl SkyPlace {
-    /// The place of a direction, which need not have unit length.
+    /// Returns the position of a direction, which need not have unit length.
     pub fn from_direction(direction: DVec3) -> Self {
         let length = direction.length();
         let z = direction.z / length;
@@ -72,7 +72,7 @@ impl SkyPlace {
             };
             (face, rising - north, 1.0 - (falling - south))
         } else {
-            // The distance from the pole by the sine is exact near it.
+            // Near the pole, the distance from the pole is exact if it is computed from the sine.
             let from_pole = sine / ((1.0 + z.abs()) / 3.0).sqrt();
             let cap = quarter.floor().min(3.0);
             let (before, after) = ((quarter - cap) * from_pole, (1.0 - (quarter - cap)) * from_pole);
@@ -81,7 +81,7 @@ impl SkyPlace {
         Self { face, xy: [fixed(x), fixed(y)] }
     }
 
-    /// Number of the cell of an order (at most 29) that contains the place.
+    /// Returns the number of the cell of an order (at most 29) that contains the position.
     pub fn cell(self, order: u8) -> u64 {
         if order == 0 {
             return u64::from(self.face);
@@ -90,13 +90,13 @@ impl SkyPlace {
         u64::from(self.face) << (2 * order) | x | y << 1
     }
 
-    /// Coordinates in the cell of an order, with `bits` bits each.
+    /// Returns the coordinates in the cell of an order, with `bits` bits each.
     pub fn in_cell(self, order: u8, bits: u32) -> [u32; 2] {
         self.xy.map(|fixed| (fixed << order) >> (32 - bits))
     }
 }
 
-/// A cell, for the conversion of coordinates in it to directions.
+/// A cell, prepared to convert coordinates in it to directions.
 #[derive(Clone, Copy, Debug)]
 pub struct CellFrame {
     face: usize,
@@ -115,7 +115,7 @@ struct Longitude {
     cos: f64,
 }
 
-/// Differences of longitude whose sine and cosine are those of their series, with an error below 5e-17; rad.
+/// Largest difference of longitude for which sine and cosine are computed by series, rad; their error is then below 5e-17.
 const NEAR_RAD: f64 = 1.0 / 64.0;
 
 impl Longitude {
@@ -124,7 +124,7 @@ impl Longitude {
         Self { rad, sin, cos }
     }
 
-    /// Sine and cosine of another longitude. Near this one they cost a third of those of the standard library.
+    /// Sine and cosine of another longitude. If it is near this one, they cost a third of the standard library's functions.
     fn sin_cos_of(self, rad: f64) -> (f64, f64) {
         let by = rad - self.rad;
         if by.abs() > NEAR_RAD {
@@ -145,7 +145,7 @@ struct Circle {
 }
 
 impl CellFrame {
-    /// The frame of a cell of an order; `cell` must be less than [`cell_count`].
+    /// Creates the frame of a cell; `cell` must be less than [`cell_count`] of the order.
     pub fn new(order: u8, cell: u64) -> Self {
         let face = ((cell >> (2 * order)) % 12) as usize;
         let inside = cell & ((1 << (2 * order)) - 1);
@@ -157,12 +157,12 @@ impl CellFrame {
         frame
     }
 
-    /// The longitude of coordinates in the cell, and the circle of its latitude.
+    /// Returns the longitude of coordinates in the cell, and their circle of latitude.
     #[inline]
     fn circle(&self, inside: [f64; 2]) -> Circle {
         let [x, y] = [0, 1].map(|axis| self.corner[axis] + self.scale * inside[axis]);
         let ring = FACE_RING[self.face] - x - y;
-        // `width`: quarter of the ring's circumference, in the units of the longitude.
+        // `width` is a quarter of the ring's circumference, in the units of the longitude.
         let (width, z, sine) = if !(1.0..=3.0).contains(&ring) {
             let width = if ring < 1.0 { ring } else { 4.0 - ring };
             let below = width * width / 3.0;
@@ -177,7 +177,7 @@ impl CellFrame {
         Circle { longitude_rad, radius: sine, z }
     }
 
-    /// Unit vector towards the place at coordinates in the cell, each 0 to 1.
+    /// Unit vector towards coordinates in the cell, each 0 to 1.
     #[inline]
     pub fn direction(&self, inside: [f64; 2]) -> DVec3 {
         let Circle { longitude_rad, radius, z } = self.circle(inside);
@@ -185,7 +185,8 @@ impl CellFrame {
         DVec3::new(radius * cos, radius * sin, z)
     }
 
-    /// Unit vector towards a place in a finer cell: the number of that cell in this one, the orders between them, and the coordinates in it.
+    /// Unit vector towards a position in a finer cell. The arguments are the number of the finer cell in this one, the difference of their orders,
+    /// and the coordinates in the finer cell.
     #[inline]
     pub fn direction_in_finer(&self, finer: u64, orders: u8, inside: [f64; 2]) -> DVec3 {
         let scale = 1.0 / f64::from(1_u32 << orders);
@@ -195,14 +196,14 @@ impl CellFrame {
 
     /// Half-angle of a cone around the centre that contains the cell, rad.
     pub fn radius_rad(&self) -> f64 {
-        // The farthest points are the corners; a tenth more for the curvature of the sides.
+        // The corners are the farthest points; add a tenth for the curvature of the sides.
         let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]];
         let chord_squared = corners.map(|corner| self.direction(corner).distance_squared(self.centre));
         1.1 * 2.0 * (0.5 * chord_squared.into_iter().fold(0.0, f64::max).sqrt()).asin()
     }
 
-    /// Direction minus [`CellFrame::centre`], ICRS axes. In cells of order 6 and finer its f32 numbers have steps below 0.2 mas, those of a
-    /// unit vector 12 mas.
+    /// Direction minus [`CellFrame::centre`], ICRS axes. In cells of order 6 and finer, its steps as f32 are below 0.2 mas; those of a unit vector
+    /// are 12 mas.
     pub fn offset(&self, inside: [f64; 2]) -> Vec3 {
         (self.direction(inside) - self.centre).as_vec3()
     }
@@ -213,7 +214,7 @@ pub(super) mod tests {
     use super::*;
     use crate::{coordinates::lon_lat_from_direction, units::ARCSECOND_RAD};
 
-    /// Directions all over the sphere, with the poles, the meridian and the boundaries of the polar caps.
+    /// Directions all over the sphere, including the poles, the meridian and the boundaries of the polar caps.
     pub fn directions(count: u32) -> Vec<DVec3> {
         let spiral = (0..count).map(|i| {
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
@@ -244,7 +245,7 @@ pub(super) mod tests {
                 different += u32::from(found != expected);
             }
         }
-        // Places on a boundary belong to either cell.
+        // A position on a boundary belongs to either of the two cells.
         assert!(different < 60, "{different}");
     }
 
@@ -263,7 +264,7 @@ pub(super) mod tests {
                 let relative = frame.centre + frame.offset(inside).as_dvec3();
                 assert!((relative - found).length() < if order == 4 { 4e-9 } else { 5e-10 });
                 assert_eq!(place.cell(order) >> 2, place.cell(order - 1));
-                // The same place as a place in a coarser cell, whose middle is farther away.
+                // The same position relative to a coarser cell, whose centre is farther away.
                 let coarser = CellFrame::new(order - 3, place.cell(order) >> 6);
                 let same = coarser.direction_in_finer(place.cell(order) & 63, 3, inside);
                 assert!((same - found).length() < 4e-16, "{:e}", (same - found).length());

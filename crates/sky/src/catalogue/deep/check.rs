@@ -10,7 +10,7 @@ use super::part::PartRecord;
 use super::tile::{Tile, cells_per_tile, tile_order};
 use super::{BUCKET_ORDER, BUCKETS, DeepStore, LAYERS, PLANES};
 
-/// Buckets that are checked at a time.
+/// Number of buckets that are checked at a time.
 const AT_ONCE: u64 = 32;
 
 /// Result of a check.
@@ -24,12 +24,12 @@ pub struct CheckReport {
     pub tiles: u64,
     /// Number of composite stars.
     pub composites: u64,
-    /// Largest relative difference of a plane's light from that of its leaves; `None` if light was not checked.
+    /// Largest relative difference between the light of a plane and that of its leaves; `None` if light was not checked.
     pub light: Option<f64>,
 }
 
-/// Reads a store and compares all checksums; with `light` also adds up all leaves, and compares every composite star with the stars of its cell, the
-/// sums of each plane in every cell of order 4 with those of its leaves, and those of the index.
+/// Reads a store and verifies all checksums. With `light`, also adds up the light of all leaves and compares three things with it: every composite
+/// star with the stars of its cell, the sum of each plane in every cell of order 4, and the sums in the index.
 ///
 /// # Errors
 /// The first damage that is found.
@@ -39,7 +39,7 @@ pub fn check(store: &DeepStore, light: bool, on_step: &mut OnStep<'_>) -> Result
     if bright.stars.stars.len() as u64 != index.bright.stars {
         return Err(DeepError::damaged(
             &store.part(super::BRIGHT_FILE),
-            "it has another number of stars than the index",
+            "its number of stars differs from that in the index",
         ));
     }
     drop(bright);
@@ -73,11 +73,11 @@ fn add(sum: &mut [f64; 3], light: [f64; 3]) {
     sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
 }
 
-/// Light of a plane's composite stars.
+/// Sum of the light of a plane's composite stars, and its brightest channel.
 #[derive(Clone, Debug, Default)]
 struct PlaneLight {
     total_lx: [f64; 3],
-    /// Largest light of a channel of a cell.
+    /// Largest light in one channel of a cell.
     brightest_lx: f64,
 }
 
@@ -88,7 +88,7 @@ impl PlaneLight {
     }
 }
 
-/// Largest relative difference between the light of a whole plane and that of its layers.
+/// Returns the largest relative difference between the light of a whole plane and that of its layers.
 fn largest_difference(planes: &[PlaneLight], leaves: &[[f64; 3]]) -> f64 {
     let mut worst: f64 = 0.0;
     for (plane, found) in PLANES.iter().zip(planes) {
@@ -129,7 +129,7 @@ fn check_bucket(store: &DeepStore, bucket: u64, light: bool) -> Result<(Vec<Plan
             let cells = sums.planes[plane].chunks(cells_per_tile(kind.order)).nth(number).unwrap_or_default();
             total.merge(&compare_tile(store, plane, first + number as u64, &tile, cells)?);
         }
-        // Stores of version 1 carried the remainder from bucket to bucket.
+        // In stores of version 1 the remainder of rounding was carried from bucket to bucket.
         if let Some(sums) = &sums
             && store.index().version > 1
         {
@@ -138,7 +138,7 @@ fn check_bucket(store: &DeepStore, bucket: u64, light: bool) -> Result<(Vec<Plan
         planes.push(total);
     }
     let Some(sums) = sums else { return Ok((Vec::new(), Vec::new())) };
-    // The index has the sums of the same words in the same order.
+    // The index contains the sums of the same words in the same order.
     let mut of_leaves = vec![[0.0; 3]; LAYERS.len()];
     for (layer, of_layer) in sums.light.iter().enumerate() {
         for (quarter, light) in of_layer.iter().enumerate() {
@@ -146,7 +146,7 @@ fn check_bucket(store: &DeepStore, bucket: u64, light: bool) -> Result<(Vec<Plan
             let kept = store.index().sums[layer].get(cell as usize).copied().unwrap_or_default();
             if (0..3).any(|channel| (kept[channel] - light[channel]).abs() > 1e-9 * light[channel]) {
                 let problem = format!(
-                    "the light of cell {cell} of order 5 is not that of the leaves of V = {}",
+                    "the light of cell {cell} of order 5 differs from that of the leaves of V = {}",
                     LAYERS[layer].magnitude
                 );
                 return Err(DeepError::damaged(&store.part(super::index::NAME), problem));
@@ -170,7 +170,7 @@ fn compare_bucket(
     let most = largest_rest_lx(found.brightest_lx);
     let off = found.total_lx.into_iter().zip(expected).map(|(found, expected)| (found - expected).abs());
     let off = off.fold(0.0, f64::max);
-    // The sums themselves are exact to 1e-12.
+    // The sums themselves have a relative error of 1e-12.
     if off <= most + 1e-12 * found.brightest_lx * cells.len() as f64 {
         return Ok(());
     }
@@ -181,7 +181,7 @@ fn compare_bucket(
     Err(DeepError::damaged(&store.part(&PLANES[plane].file()), problem))
 }
 
-/// Compares the composite stars of a tile with the sums of its cells; returns their light.
+/// Compares the composite stars of a tile with the sums of its cells; returns the light of the composite stars.
 fn compare_tile(
     store: &DeepStore,
     plane: usize,
@@ -206,10 +206,10 @@ fn compare_tile(
         match expected.next() {
             Some((index, sum)) if index as u32 == *cell => {
                 if !represents(&composite, sum) {
-                    return Err(wrong(number, "is not the light of its stars"));
+                    return Err(wrong(number, "does not match the light of its stars"));
                 }
             }
-            _ => return Err(wrong(number, "has no stars, or an earlier one with stars has no light")),
+            _ => return Err(wrong(number, "has light but no stars, or an earlier cell has stars but no light")),
         }
         let brightest_lx = composite.light_lx.into_iter().fold(0.0, f64::max);
         total.merge(&PlaneLight { total_lx: composite.light_lx, brightest_lx });

@@ -19,7 +19,7 @@ use crate::photometry::rec709::luminance;
 
 const MANTISSA_BITS: u32 = 9;
 const LARGEST_MANTISSA: f64 = 511.0;
-/// Exponent of two of a unit of the mantissa at exponent 0.
+/// Base-2 logarithm of the unit of the mantissa when the exponent is 0.
 pub const UNIT_LOG2: i32 = -56;
 const LARGEST_EXPONENT: i32 = 31;
 const CENTROID_STEPS: f64 = 128.0;
@@ -32,7 +32,7 @@ pub fn largest_lx() -> f64 {
     LARGEST_MANTISSA * f64::from(UNIT_LOG2 + LARGEST_EXPONENT).exp2()
 }
 
-/// Decoded codes: logarithms of each star would take longer than the rest of it.
+/// Tables of decoded values: computing the logarithms for each star would take longer than the rest of its decoding.
 struct Codes {
     /// Unit of the light of each exponent, lx.
     units: [f64; 32],
@@ -65,7 +65,7 @@ pub struct Composite {
 }
 
 impl Composite {
-    /// The composite star of 64 bits.
+    /// Decodes a composite star from 64 bits.
     pub fn from_bits(bits: u64) -> Self {
         let field = |from: u32, width: u32| (bits >> from) as u32 & ((1 << width) - 1);
         let Codes { units, spreads } = &*CODES;
@@ -79,20 +79,20 @@ impl Composite {
     }
 }
 
-/// Largest difference per channel between the light of composite stars and that of their cells, if the remainder of rounding was carried from cell to cell:
-/// a step of the brightest one, `brightest_lx` being its largest channel, lx.
+/// Largest difference per channel between the light of composite stars and that of their cells, if the remainder of rounding was carried from cell to
+/// cell. It is one step of the brightest composite star, whose largest channel is `brightest_lx`, lx.
 pub fn largest_rest_lx(brightest_lx: f64) -> f64 {
     brightest_lx / 256.0 + f64::from(UNIT_LOG2).exp2()
 }
 
-/// Sums over the stars of a cell.
+/// Weighted sums over the stars of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellSum {
     /// Illuminance at the barycentre per channel, linear Rec. 709, lx.
     pub light_lx: [f64; 3],
     /// Sum of luminance times each coordinate in the cell.
     centroid: [f64; 2],
-    /// Sums of luminance times inverse distance and its square.
+    /// Sums of luminance times inverse distance and of luminance times the square of the inverse distance.
     parallax: [f64; 2],
 }
 
@@ -106,7 +106,7 @@ impl CellSum {
         self.parallax[1] += weight * parallax * parallax;
     }
 
-    /// Adds the sums of the same cell.
+    /// Adds the sums of other stars of the same cell.
     pub fn merge(&mut self, other: &Self) {
         for channel in 0..3 {
             self.light_lx[channel] += other.light_lx[channel];
@@ -117,29 +117,29 @@ impl CellSum {
         }
     }
 
-    /// Whether the cell has no star.
+    /// Whether the cell has no stars.
     pub fn is_empty(&self) -> bool {
         self.light_lx == [0.0; 3]
     }
 
-    /// Centroid, mean and standard deviation of the inverse distance.
+    /// Returns the exact light, centroid, and mean and standard deviation of the inverse distance.
     pub fn exact(&self) -> Composite {
         let weight = luminance(self.light_lx);
         let [mean, square] = self.parallax.map(|sum| sum / weight);
         let inside = self.centroid.map(|sum| sum / weight);
-        // The difference of equal numbers has an error of 1e-16 of either.
+        // The difference of two equal numbers has a rounding error of 1e-16 of each.
         let variance = square - mean * mean;
         let spread = if variance > 1e-13 * square { variance.sqrt() } else { 0.0 };
         Composite { light_lx: self.light_lx, inside, parallax: mean, spread }
     }
 }
 
-/// Sums of the cells one order coarser; four neighbours in `finer` make one cell.
+/// Returns the sums of the cells one order coarser; each combines four neighbouring cells of `finer`.
 pub fn coarser(finer: &[CellSum]) -> Vec<CellSum> {
     let (fours, _) = finer.as_chunks::<4>();
     let merged = |four: &[CellSum; 4]| {
         let mut sum = CellSum::default();
-        // Most cells of the finest orders have no star.
+        // Most cells of the finest orders are empty.
         for (index, cell) in four.iter().enumerate().filter(|(_, cell)| !cell.is_empty()) {
             let weight = luminance(cell.light_lx);
             let corner = [index & 1, index >> 1].map(|bit| bit as f64);
@@ -151,14 +151,14 @@ pub fn coarser(finer: &[CellSum]) -> Vec<CellSum> {
     fours.iter().map(merged).collect()
 }
 
-/// A cell has more light than a composite star can hold.
+/// Error: a cell has more light than a composite star can hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TooBright {
     /// Light per channel, lx.
     pub light_lx: [f64; 3],
 }
 
-/// Encodes the cells of a plane in their order, and carries the remainder of rounding.
+/// Encodes the cells of a plane in order, and carries the remainder of rounding from cell to cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quantiser {
     /// Remainder per channel, lx.
@@ -170,11 +170,11 @@ impl Quantiser {
     pub fn encode(&mut self, sum: &CellSum) -> Result<u64, TooBright> {
         let exact = sum.exact();
         let brightest = exact.light_lx.into_iter().fold(0.0, f64::max);
-        // At most one step of this cell is taken over, so that a faint cell after a bright one keeps its colour.
+        // Add at most one step of this cell from the remainder, so that a faint cell after a bright one keeps its colour.
         let most = brightest / 256.0;
         let wanted = [0, 1, 2].map(|i| (exact.light_lx[i] + self.rest_lx[i].clamp(-most, most)).max(0.0));
         let largest = wanted.into_iter().fold(0.0, f64::max);
-        // The smallest exponent with which the largest channel fits.
+        // Choose the smallest exponent for which the largest channel fits.
         let exponent = ((largest / (LARGEST_MANTISSA + 0.499)).log2().ceil() as i32 - UNIT_LOG2).max(0);
         if exponent > LARGEST_EXPONENT {
             return Err(TooBright { light_lx: exact.light_lx });
@@ -201,11 +201,12 @@ impl Quantiser {
 
 fn spread_code(spread: f64) -> u64 {
     let below = (LARGEST_SPREAD / spread).log10() * SPREAD_STEPS / SPREAD_DECADES;
-    // Infinite for no spread: code 0. Less than the smallest spread is none.
+    // The logarithm is infinite if there is no spread: code 0. A spread below the smallest one also gets code 0.
     (SPREAD_STEPS + 1.0 - below.round()).clamp(0.0, SPREAD_STEPS + 1.0) as u64
 }
 
-/// Whether a composite star represents the sums of a cell: light within two steps, centroid within one, mean parallax within 1 %.
+/// Whether a composite star represents the sums of a cell: the light agrees within two steps, the centroid within one step, and the mean parallax
+/// within 1 %.
 pub fn represents(found: &Composite, sum: &CellSum) -> bool {
     let exact = sum.exact();
     let step = found.light_lx.into_iter().fold(exact.light_lx.into_iter().fold(0.0, f64::max), f64::max) / 256.0;
@@ -215,7 +216,7 @@ pub fn represents(found: &Composite, sum: &CellSum) -> bool {
     let nearest = distance_code(if exact.parallax > 0.0 { Some(exact.parallax.recip()) } else { None });
     let parallax = match distance_pc(nearest) {
         Some(distance) => (found.parallax * distance - 1.0).abs() < 0.01,
-        // At the far end of the scale rounding decides between infinity and the last step.
+        // At the far end of the scale, rounding may give either infinity or the last step.
         None => found.parallax < 5.1e-6,
     };
     light && centroid && parallax
@@ -230,7 +231,7 @@ mod tests {
     use super::*;
     use crate::{photometry::rec709::uv_prime, units::illuminance_lx_from_magnitude};
 
-    /// Cells with 0 to 40 stars of V = 13 to 23.
+    /// Cells with 0 to 40 stars each, of V = 13 to 23.
     fn cells(count: usize) -> Vec<CellSum> {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut cells = vec![CellSum::default(); count];
@@ -268,7 +269,7 @@ mod tests {
             let light = cells.iter().fold([0.0; 3], |sum, cell| [0, 1, 2].map(|i| sum[i] + cell.light_lx[i]));
             for channel in 0..3 {
                 assert!((exact[channel] / light[channel] - 1.0).abs() < 1e-12);
-                // The difference is the remainder of the last few cells.
+                // The difference is the remainder left after the last few cells.
                 let error = found[channel] / exact[channel] - 1.0;
                 assert!(error.abs() < 0.02 / cells.len() as f64, "{} cells: {error:e}", cells.len());
             }

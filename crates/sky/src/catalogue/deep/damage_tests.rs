@@ -1,4 +1,4 @@
-//! Damaged stores: all damage is reported, and no part is decoded as something else.
+//! Tests with damaged stores: all damage is reported, and no damaged part is decoded as other data.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -100,11 +100,11 @@ fn every_copy_is_reported(count: u32) {
             .and_then(|store| check(store, false, &mut |_| ()).map_err(|error| error.to_string()));
         let message =
             result.map(|_| ()).expect_err(&format!("copy {tried}, damage {kind} of {names:?} is not reported"));
-        // The message names a file that was damaged, or the folder if its index is not one.
+        // The message names a damaged file, or the folder if its index is not recognised.
         let is_named =
             names.iter().any(|name| message.contains(name.as_str())) || message.contains("not a deep star store");
         assert!(is_named, "{names:?}: {message}");
-        // Every part that can be read equals the written one.
+        // Every part that can be read equals the original.
         if let Ok(store) = &opened {
             for (layer, cell, words) in parts.leaves.iter().step_by(7) {
                 assert!(
@@ -149,15 +149,15 @@ fn missing_files_and_other_folders_are_named() {
         fs::rename(to, from).expect("renamed");
     }
     let store = DeepStore::open(&path).expect("a store");
-    assert!(store.leaf(0, 49_152).expect_err("no such leaf").to_string().contains("0 to 49151"));
-    // A file that is cut while it is open: the leaf is named.
+    assert!(store.leaf(0, 49_152).expect_err("no such leaf").to_string().contains("between 0 and 49151"));
+    // A file is truncated while it is open: the error names the leaf.
     let (layer, cell, _) = parts_of(&store).leaves.pop().expect("a leaf");
     fs::write(path.join(LAYERS[layer].file()), b"").expect("written");
     let error = store.leaf(layer, cell).expect_err("cut").to_string();
     assert!(error.contains(&format!("leaf {cell} of order 7")), "{error}");
 }
 
-/// Light that does not match has right checksums, so that only `--light` finds it.
+/// Wrong light with correct checksums is found only by `--light`.
 #[test]
 fn light_that_is_not_that_of_the_leaves_is_found() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -191,18 +191,18 @@ fn light_that_is_not_that_of_the_leaves_is_found() {
         let store = DeepStore::open(&out).expect("a store");
         check(&store, false, &mut |_| ()).expect("right checksums");
         let error = check(&store, true, &mut |_| ()).expect_err("wrong light").to_string();
-        assert!(error.contains(if take_sums { "order 5" } else { "is not the light of its stars" }), "{error}");
+        assert!(error.contains(if take_sums { "order 5" } else { "does not match the light of its stars" }), "{error}");
     }
 }
 
-/// Composite stars that are each close to their cell, but not in their sum.
+/// Each composite star is close to its cell, but their sum is not.
 #[test]
 fn light_whose_rounding_was_not_carried_is_found() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("store");
     built(&path, &stars(6000, 1, 14.9));
     let store = DeepStore::open(&path).expect("a store");
-    // The plane of order 7 has 64 cells in a bucket: each gets a step more red.
+    // The plane of order 7 has 64 cells in a bucket: add one step of red to each.
     let plane = PLANES.iter().position(|plane| *plane == super::Plane { magnitude: 13, order: 7 }).expect("a plane");
     let mut index = store.index().clone();
     let (mut words, mut segments) = (Vec::new(), Vec::new());

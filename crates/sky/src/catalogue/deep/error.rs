@@ -36,7 +36,7 @@ pub enum DeepError {
         path: PathBuf,
     },
     /// The store has another version.
-    #[error("{}: version {found} of deep stores, this program reads versions 1 to {}; import the catalogue again", path.display(), super::index::VERSION)]
+    #[error("{}: deep store of version {found}; this program reads versions 1 to {}; import the catalogue again", path.display(), super::index::VERSION)]
     Version {
         /// The index.
         path: PathBuf,
@@ -66,7 +66,7 @@ pub enum DeepError {
         problem: String,
     },
     /// A leaf or tile does not exist.
-    #[error("{}: no {part} {cell}: numbers must be 0 to {last}", path.display())]
+    #[error("{}: no {part} {cell}: numbers must be between 0 and {last}", path.display())]
     NoSuchPart {
         /// The file.
         path: PathBuf,
@@ -126,7 +126,7 @@ pub enum DeepError {
         /// Description of the problem.
         problem: String,
     },
-    /// A part of a store where a whole store is needed.
+    /// A part of a store was given where a whole store is needed.
     #[error(
         "{}: has only the cells {cells} of 0..{}: it is a part of a store, and the rest of the sky would be missing; `catalogue merge` joins it with the \
          other parts",
@@ -147,17 +147,17 @@ pub enum DeepError {
         /// Description of the problem.
         problem: String,
     },
-    /// Two parts have the same cells.
-    #[error("{} (cells {}) and {} (cells {}) overlap; each cell must be in one part", first.0.display(), first.1, second.0.display(), second.1)]
+    /// Two parts have cells in common.
+    #[error("{} (cells {}) and {} (cells {}) overlap; each cell must be in exactly one part", first.0.display(), first.1, second.0.display(), second.1)]
     Overlap {
         /// A part and its cells.
         first: (PathBuf, String),
         /// The other part.
         second: (PathBuf, String),
     },
-    /// Cells are in none of the parts.
+    /// Some cells are in none of the parts.
     #[error(
-        "the cells {missing} of 0..{} are in none of the parts; make a part of them with `--cells`",
+        "the cells {missing} of 0..{} are in none of the parts; make a part that contains them with `--cells`",
         super::BUCKETS
     )]
     Gap {
@@ -197,7 +197,7 @@ pub enum DeepError {
 }
 
 impl DeepError {
-    /// The error of a file.
+    /// Converts an I/O error of a file.
     pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self {
         let path = path.to_owned();
         move |source| match source.kind() {
@@ -206,7 +206,7 @@ impl DeepError {
         }
     }
 
-    /// Damage of a file.
+    /// Creates the error for a damaged file.
     pub(super) fn damaged(path: &Path, problem: impl Into<String>) -> Self {
         Self::Damaged { path: path.to_owned(), problem: problem.into() }
     }

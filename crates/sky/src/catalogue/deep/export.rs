@@ -1,4 +1,5 @@
-//! Exports deep stores and stores in one file as CSV or Parquet, with the columns of a plain table that the readers read.
+//! Exports deep stores and single-file stores as CSV or Parquet. The columns are those of this program's own table format, which its readers
+//! understand.
 
 use std::fs::File;
 use std::path::Path;
@@ -36,7 +37,7 @@ const COLUMNS: [&str; 10] = [
     "name",
 ];
 
-/// Rows of a group of a Parquet file.
+/// Number of rows in a row group of a Parquet file.
 const ROWS_PER_GROUP: usize = 1 << 18;
 
 /// A row of an export. Missing values are `None`.
@@ -82,7 +83,7 @@ impl Row {
         }
     }
 
-    /// The fields of [`COLUMNS`]; 0.04 mas, 0.0001 mag.
+    /// The fields of a row, in the order of [`COLUMNS`], with a precision of 0.04 mas and 0.0001 mag.
     fn fields(&self) -> [String; COLUMNS.len()] {
         let [pm_ra, pm_dec, radial] = self.motion.map_or_else(Default::default, |[ra, dec, radial]| {
             [format!("{ra:.4}"), format!("{dec:.4}"), format!("{radial:.3}")]
@@ -109,7 +110,7 @@ enum Format {
     Parquet,
 }
 
-/// Where rows are written.
+/// Writer of the rows in one of the formats.
 enum Target {
     Csv(csv::Writer<NamedTempFile>),
     Parquet { writer: SerializedFileWriter<File>, file: NamedTempFile, rows: Vec<Row> },
@@ -173,7 +174,7 @@ fn parquet_error(path: &Path, error: &ParquetError) -> DeepError {
     DeepError::Export { path: path.to_owned(), problem: error.to_string() }
 }
 
-/// Writes rows as a group of a Parquet file.
+/// Writes rows as a row group of a Parquet file.
 fn write_group(writer: &mut SerializedFileWriter<File>, rows: &[Row]) -> Result<(), ParquetError> {
     if rows.is_empty() {
         return Ok(());
@@ -229,20 +230,20 @@ fn write_group(writer: &mut SerializedFileWriter<File>, rows: &[Row]) -> Result<
     Ok(())
 }
 
-/// Stars to be exported.
+/// The store whose stars are exported.
 #[derive(Clone, Copy, Debug)]
 pub enum Rows<'a> {
-    /// A store in one file.
+    /// A single-file store.
     Single(&'a Store),
     /// A deep store.
     Deep(&'a DeepStore),
 }
 
-/// Writes the stars of a store that meet conditions to a file, whose extension is `.csv` or `.parquet`. Columns: right ascension, declination (of
-/// `ref_epoch`, ICRS), V, temperature, distance, motion, epoch and name. Returns the number of rows.
+/// Writes the stars of a store that meet the conditions to a file, whose extension must be `.csv` or `.parquet`. The columns are right ascension,
+/// declination (ICRS, at `ref_epoch`), V, temperature, distance, motion, epoch and name. Returns the number of rows.
 ///
 /// # Errors
-/// The extension is another one, the store is damaged, or the file cannot be written. No file is left then.
+/// The extension is not supported, the store is damaged, or the file cannot be written. In these cases no file is left.
 pub fn export(stars: Rows<'_>, selection: &Selection, path: &Path, on_step: &mut OnStep<'_>) -> Result<u64, DeepError> {
     let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
     let format = match extension.as_ref().and_then(|extension| extension.to_str()) {

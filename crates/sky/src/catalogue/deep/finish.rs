@@ -1,4 +1,4 @@
-//! The end of a build or a merge: bright stars that are kept, the files `bright` and `index`, and the record of a part.
+//! Final steps of a build or a merge: selects the bright stars, and writes the files `bright` and `index` and the record of a part.
 
 use std::fs;
 use std::path::Path;
@@ -21,11 +21,11 @@ use crate::files;
 /// Source of the stars of a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sources {
-    /// Text for people, which the store contains.
+    /// Human-readable description, which is written into the store.
     pub description: String,
     /// Lines for the report of a merge.
     pub lines: Vec<String>,
-    /// Inputs with digests of their contents: a merge compares those of its parts.
+    /// Inputs with digests of their contents: a merge compares those of its parts with each other.
     pub inputs: Vec<Input>,
 }
 
@@ -35,21 +35,21 @@ impl From<String> for Sources {
     }
 }
 
-/// Numbers of stars that needed a rule, and of those that were left out. Those of the parts of a store add up.
+/// Numbers of stars that needed a rule, and of those that were left out. The numbers of a whole store are the sums over its parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Tally {
     /// Counts of the first pass.
     pub counts: Counts,
     /// Stars in leaves without colour that got a median temperature.
     pub median_colour: u64,
-    /// Left out: stars that equal another one.
+    /// Number of stars that were left out because another one is equal.
     pub repeated: u64,
-    /// Left out: stars that the built-in table has too.
+    /// Number of stars that were left out because they are also in the built-in table.
     pub listed_again: u64,
 }
 
 impl Tally {
-    /// Adds the numbers of other stars.
+    /// Adds the numbers of another tally.
     pub fn add(&mut self, other: Self) {
         self.counts.add(other.counts);
         self.median_colour += other.median_colour;
@@ -58,17 +58,17 @@ impl Tally {
     }
 }
 
-/// Tables of the index, of all cells.
+/// Tables of the index for all cells.
 pub struct Tables {
-    /// Leaves of each layer; empty without stars.
+    /// Leaves of each layer; empty for a layer without stars.
     pub leaves: Vec<Vec<Segment>>,
     /// Light of each layer in each cell of order 5.
     pub sums: Vec<Vec<[f64; 3]>>,
-    /// Tiles of each plane; empty without stars.
+    /// Tiles of each plane; empty for a plane without stars.
     pub tiles: Vec<Vec<Segment>>,
 }
 
-/// Bright stars that are kept.
+/// The bright stars that are kept, and numbers of those that are not.
 pub struct ReadyBright {
     pub stars: BrightStars,
     /// Stars that were left out because another one is equal.
@@ -76,7 +76,7 @@ pub struct ReadyBright {
     pub listed_again: u64,
 }
 
-/// Reads the bright stars; leaves out those beyond the limit, those that the built-in table has too, and those outside of `cells`.
+/// Reads the bright stars. Leaves out those beyond the limit, those that are also in the built-in table, and those outside of `cells`.
 pub fn ready_bright(
     folder: &Path,
     state: &State,
@@ -102,7 +102,7 @@ pub fn ready_bright(
         again = keep.iter().filter(|keep| !**keep).count() as u64;
         stars.retain(&keep);
     }
-    // A star of the built-in table outside of the cells may be the same as one inside, and is not needed any more.
+    // Stars of the built-in table outside of the cells were needed only to find their duplicates inside: leave them out now.
     let keep: Vec<bool> = stars.records.iter().map(|star| cells.contains_direction(star.position)).collect();
     if keep.contains(&false) {
         stars.retain(&keep);
@@ -115,7 +115,8 @@ pub fn ready_bright(
     Ok(ReadyBright { stars, repeated, listed_again: again })
 }
 
-/// Leaves out stars beyond the limit. Of those at the limit the first ones stay, by cell of order 4 and then by coordinates.
+/// Leaves out stars beyond the limit. Of the stars of exactly the limiting magnitude the first ones are kept, sorted by cell of order 4 and then by
+/// coordinates.
 fn leave_out_beyond(stars: &mut BrightStars, limit: Limit) {
     let magnitudes: Vec<f32> = stars.records.par_iter().map(|star| star.apparent_magnitude() as f32).collect();
     let mut keep: Vec<bool> = magnitudes.iter().map(|v_mag| *v_mag < limit.v_mag).collect();
@@ -130,8 +131,8 @@ fn leave_out_beyond(stars: &mut BrightStars, limit: Limit) {
     stars.retain(&keep);
 }
 
-/// Whether each star is the one that is kept of those that equal it in place, brightness, colour and distance: with a motion and with names, if one has
-/// them. The order of the stars does not matter.
+/// Returns for each star whether it is kept. Of several stars that are equal in position, brightness, colour and distance one is kept, preferably one
+/// with a motion and with names. The result does not depend on the order of the stars.
 fn one_of_equals(stars: &BrightStars) -> Vec<bool> {
     let content = |index: &u32| {
         let star = &stars.records[*index as usize];
@@ -159,7 +160,8 @@ fn one_of_equals(stars: &BrightStars) -> Vec<bool> {
     is_kept
 }
 
-/// Writes bright stars, the record of a part and the index into the folder of an unfinished store. `cells`: those of a part, `None` for a whole store.
+/// Writes bright stars, the record of a part and the index into the folder of an unfinished store. `cells` are those of a part; `None` for a whole
+/// store.
 ///
 /// # Errors
 /// A whole store has no star, or I/O fails.

@@ -1,10 +1,11 @@
 //! Catalogues in HATS, a folder of Parquet files by HEALPix cell (LSST Interdisciplinary Network, <https://hats.readthedocs.io>).
 //!
-//! `hats.properties` has lines `key=value`, among them the kind of the catalogue. `partition_info.csv` has the order `Norder` and the cell `Npix` of each
-//! file, which is `dataset/Norder=K/Dir=D/Npix=N.parquet` with D = N rounded down to 10,000. `hats_npix_suffix` gives another ending; a slash stands for
-//! a folder with any number of files. Margin catalogues repeat stars of neighbouring cells, and index catalogues have no stars: both are refused.
+//! `hats.properties` has lines `key=value`; one of them gives the kind of the catalogue. `partition_info.csv` gives the order `Norder` and the cell
+//! `Npix` of each file, whose path is `dataset/Norder=K/Dir=D/Npix=N.parquet` with D = N rounded down to 10,000. `hats_npix_suffix` may give another
+//! ending; a slash means that the path is a folder with any number of files. Margin catalogues repeat stars of neighbouring cells, and index
+//! catalogues have no stars: both are refused.
 //!
-//! A collection is a folder with a catalogue and its margin and index catalogues. `collection.properties` names the catalogue, and only that is read.
+//! A collection is a folder with a catalogue and its margin and index catalogues. Only the catalogue, which `collection.properties` names, is read.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,11 +13,11 @@ use std::path::{Path, PathBuf};
 use super::error::DeepError;
 use crate::files;
 
-/// Name of the file that makes a folder a catalogue.
+/// Name of the file that identifies a folder as a catalogue.
 const PROPERTIES: &str = "hats.properties";
-/// Name of the file that makes a folder a collection.
+/// Name of the file that identifies a folder as a collection.
 const COLLECTION: &str = "collection.properties";
-/// Kinds of catalogues that have stars.
+/// Kinds of catalogues that contain stars.
 const KINDS: [&str; 2] = ["object", "source"];
 /// Largest length of the text files, bytes.
 const MOST_BYTES: u64 = 64 << 20;
@@ -30,7 +31,7 @@ fn refusal(path: &Path, problem: impl Into<String>) -> DeepError {
     DeepError::Hats { path: path.to_owned(), problem: problem.into() }
 }
 
-/// Refuses a folder of another kind.
+/// Refuses a folder that is neither a deep store nor a catalogue in HATS.
 ///
 /// # Errors
 /// The path is a folder.
@@ -39,7 +40,7 @@ pub fn refuse_other_folder(path: &Path) -> Result<(), DeepError> {
         return Ok(());
     }
     let problem = if path.join("catalog_info.json").is_file() {
-        "it is a catalogue in HiPSCat, which came before HATS; hats-import converts it".to_owned()
+        "it is a catalogue in HiPSCat, the predecessor of HATS; convert it with hats-import".to_owned()
     } else {
         format!(
             "it is a folder; folders must be deep stores (with a file index) or catalogues in HATS (with {PROPERTIES} or {COLLECTION}). Name the files \
@@ -49,19 +50,19 @@ pub fn refuse_other_folder(path: &Path) -> Result<(), DeepError> {
     Err(refusal(path, problem))
 }
 
-/// Text of a file in a folder, and its path.
+/// Reads a text file in a folder; returns its path and its text.
 fn text(folder: &Path, name: &str) -> Result<(PathBuf, String), DeepError> {
     let path = folder.join(name);
     files::read_text_bounded(&path, MOST_BYTES).map_err(DeepError::io(&path)).map(|text| (path, text))
 }
 
-/// Value of a key in lines `key=value`.
+/// Returns the value of a key in lines `key=value`.
 fn value<'a>(properties: &'a str, key: &str) -> Option<&'a str> {
     let mut lines = properties.lines().filter_map(|line| line.split_once('='));
     lines.find(|(found, _)| found.trim() == key).map(|(_, value)| value.trim()).filter(|value| !value.is_empty())
 }
 
-/// Folder of the catalogue in a collection; the folder itself if it is a catalogue.
+/// Returns the folder of the catalogue of a collection; the folder itself if it is a catalogue.
 fn catalogue_of(folder: &Path) -> Result<PathBuf, DeepError> {
     if folder.join(PROPERTIES).is_file() {
         return Ok(folder.to_owned());
@@ -81,7 +82,7 @@ fn catalogue_of(folder: &Path) -> Result<PathBuf, DeepError> {
     ))
 }
 
-/// The Parquet files of a catalogue or of the catalogue in a collection, in the order of its list.
+/// Returns the Parquet files of a catalogue, or of the catalogue in a collection, in the order of its list.
 ///
 /// # Errors
 /// The catalogue is of another kind, its list cannot be read, or a listed file is missing.
@@ -119,7 +120,7 @@ pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, DeepError> {
         };
         let directory = folder.join(format!("dataset/Norder={order}/Dir={}", pixel / 10_000 * 10_000));
         let file = directory.join(format!("Npix={pixel}{}", suffix.trim_end_matches('/')));
-        let missing = || refusal(&file, "it is listed in partition_info.csv, and is missing");
+        let missing = || refusal(&file, "it is listed in partition_info.csv but does not exist");
         if suffix == "/" {
             found.extend(parquet_files(&file)?.ok_or_else(missing)?);
         } else if file.is_file() {
@@ -131,7 +132,7 @@ pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, DeepError> {
     if found.is_empty() { Err(refusal(&path, "it lists no file")) } else { Ok(found) }
 }
 
-/// The Parquet files in a folder by name; `None` if there are none.
+/// Returns the Parquet files in a folder, sorted by name; `None` if there are none.
 fn parquet_files(folder: &Path) -> Result<Option<Vec<PathBuf>>, DeepError> {
     if !folder.is_dir() {
         return Ok(None);
@@ -154,7 +155,7 @@ mod tests {
     use super::super::test_stores::{built, options, stars};
     use super::*;
 
-    /// A catalogue with the files 5 and 12345 of order 5, of the northern and southern stars of a store.
+    /// A catalogue with two files, cells 5 and 12345 of order 5, which contain the northern and the southern stars of a store.
     fn written(folder: &Path, store: &DeepStore) -> PathBuf {
         let catalogue = folder.join("hats");
         for (pixel, z) in [(5, 1.0), (12_345, -1.0)] {
@@ -195,7 +196,7 @@ mod tests {
         let catalogue = written(folder.path(), &DeepStore::open(&out).expect("a store"));
         let message = || files_of(&catalogue).expect_err("refused").to_string();
         fs::remove_file(catalogue.join("dataset/Norder=5/Dir=0/Npix=5.parquet")).expect("removed");
-        assert!(message().contains("Npix=5.parquet") && message().contains("is missing"));
+        assert!(message().contains("Npix=5.parquet") && message().contains("does not exist"));
         for (list, part) in
             [("Norder,Dir,Npix\n", "lists no file"), ("Norder,Npix\n5,x\n", "line 2"), ("a,b\n", "no column Norder")]
         {
@@ -266,8 +267,8 @@ mod tests {
         assert!(refuse_other_folder(&folder.path().join("catalog_info.json")).is_ok());
     }
 
-    /// A collection that hats-import 0.11.1 made of `stars.csv`, with a margin catalogue beside the catalogue (without maps of the sky, `_metadata` and
-    /// most files of the margin, which are not read).
+    /// A collection that hats-import 0.11.1 made of `stars.csv`, with a catalogue and a margin catalogue. It lacks the maps of the sky, `_metadata`
+    /// and most files of the margin, because they are not read.
     #[test]
     fn a_collection_of_hats_import_gives_the_store_of_its_table() {
         let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/hats");

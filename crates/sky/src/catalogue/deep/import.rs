@@ -1,15 +1,16 @@
 //! Imports catalogues into a deep store.
 //!
-//! Files are read by several threads at a time and pass their stars on in batches; none is held in memory (except JSON). Rules:
+//! Files are read by several threads at a time and pass their stars on in batches; none is held in memory (except JSON). The rules are:
 //!
-//! - Stars are placed at J2000.0 with their motion; those of leaves are moved on to J2016.0, and their motion is dropped.
-//! - A parallax below five times its error is not inverted: the distance is that of a prior ([`prior`](super::prior)). Stars of files without a column of
-//!   errors keep their distance, or are at infinity if they have none.
-//! - Stars without colour get the median temperature of their leaf, else of their cell of order 4; bright ones that of the Sun.
+//! - Stars are placed at J2000.0 with their motion; those of leaves are then moved to J2016.0, and their motion is dropped.
+//! - A parallax below five times its error is not inverted: the distance follows from a prior ([`prior`](super::prior)). Stars of files without a
+//!   column of errors keep their distance, or are at infinity if they have none.
+//! - Stars without colour get the median temperature of their leaf or, if it has none, of their cell of order 4. Bright stars without colour get the
+//!   Sun's temperature.
 //! - Stars within 2" and one magnitude of a star of `builtin:bright` are left out, if it is imported too.
-//! - Rows that equal another one in place, brightness, colour and distance are left out.
+//! - Rows that are equal to another one in position, brightness, colour and distance are left out.
 //!
-//! Each rule is counted in the report.
+//! The report gives the number of stars for each rule.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -32,7 +33,7 @@ use super::slice::{Selection, each_bright_star, each_star};
 use super::{DeepStore, is_deep_store};
 use crate::files;
 
-/// Batches that wait between readers and writer.
+/// Number of batches that may wait between the readers and the writer.
 const BATCHES: usize = 8;
 
 /// A catalogue to import.
@@ -40,7 +41,7 @@ const BATCHES: usize = 8;
 pub enum ImportSource {
     /// The built-in table of bright stars.
     Bright,
-    /// A catalogue, a store in one file, a deep store, or a folder of a catalogue in HATS ([`hats`](super::hats)).
+    /// A catalogue, a single-file store, a deep store, or a folder of a catalogue in HATS ([`hats`](super::hats)).
     File(PathBuf),
 }
 
@@ -54,7 +55,7 @@ impl fmt::Display for ImportSource {
 }
 
 impl ImportSource {
-    /// Name, length and time of the file: an unfinished store is continued only if they are the same.
+    /// Returns name, length and modification time of the file: an unfinished store is continued only if they are the same.
     fn identity(&self) -> Result<String, DeepError> {
         let Self::File(path) = self else { return Ok(self.to_string()) };
         if is_deep_store(path) {
@@ -84,11 +85,12 @@ impl ImportSource {
 pub struct ImportReport {
     /// The store.
     pub build: BuildReport,
-    /// A line for each catalogue, and lines for what it has and the store lacks.
+    /// A line for each catalogue, and lines for its data that the store lacks.
     pub catalogues: Vec<String>,
 }
 
-/// Imports catalogues. The same stars give the same bytes, whatever the order and the number of threads. `options.job` is replaced.
+/// Imports catalogues. The same stars give the same bytes, independent of the order of the catalogues and the number of threads. `options.job` is
+/// replaced.
 ///
 /// # Errors
 /// A catalogue cannot be read or has no usable row, or the store cannot be written.
@@ -100,7 +102,7 @@ pub fn import(
     let groups = groups_of(sources)?;
     let sources: &Vec<ImportSource> = &groups.iter().flat_map(|group| group.sources.clone()).collect();
     let identities: Vec<String> = sources.iter().map(ImportSource::identity).collect::<Result<_, _>>()?;
-    // Thousands of files would make long messages.
+    // With thousands of files the list would make messages too long.
     let job = match &identities[..] {
         [first, .., last] if identities.len() > 4 => {
             format!(
@@ -152,17 +154,17 @@ pub fn import(
     Ok(ImportReport { build, catalogues: lines })
 }
 
-/// More files than this in a row get one line in the report.
+/// A longer run of files is summed up in one line of the report.
 const FILES_EACH: usize = 8;
 
-/// Sources with a line of the report in common.
+/// Sources that share a line of the report.
 struct Group {
     name: String,
     sources: Vec<ImportSource>,
 }
 
-/// The sources, with the files of catalogues in HATS in place of their folders, in groups for the report: a catalogue in HATS is one, and so are many files
-/// in a row.
+/// Groups the sources for the report. A catalogue in HATS forms one group, in which its folder is replaced by its files; a long run of files also
+/// forms one group.
 fn groups_of(sources: &[ImportSource]) -> Result<Vec<Group>, DeepError> {
     let mut groups = Vec::new();
     let is_table = |source: &ImportSource| matches!(source, ImportSource::File(path) if !path.is_dir());
@@ -187,7 +189,7 @@ fn groups_of(sources: &[ImportSource]) -> Result<Vec<Group>, DeepError> {
     Ok(groups)
 }
 
-/// Path of the first source, for errors that belong to no single one.
+/// Path of the first source, for errors that do not concern a particular source.
 fn first_path(sources: &[ImportSource]) -> PathBuf {
     match sources.first() {
         Some(ImportSource::File(path)) => path.clone(),
@@ -195,7 +197,7 @@ fn first_path(sources: &[ImportSource]) -> PathBuf {
     }
 }
 
-/// Reads some catalogues at the same time. Contents are hashed for parts only, because that takes as long as reading the files once more.
+/// Reads several catalogues at the same time. Contents are hashed only for parts, because hashing takes as long as reading the files once more.
 fn read_some(sources: &[ImportSource], build: &mut Build, is_part: bool) -> Result<Vec<ReadInput>, DeepError> {
     let mut read: Vec<Option<Rows>> = vec![None; sources.len()];
     let mut streamed: Vec<(usize, &PathBuf)> = Vec::new();
@@ -216,7 +218,7 @@ fn read_some(sources: &[ImportSource], build: &mut Build, is_part: bool) -> Resu
             .collect();
         drop(sender);
         let added = receiver.iter().flatten().try_for_each(|star| add(build, star));
-        // Without a receiver the readers stop.
+        // The readers stop when there is no receiver.
         drop(receiver);
         let reports: Vec<Result<ReadReport, CatalogueError>> = readers
             .into_iter()
@@ -264,7 +266,7 @@ fn add_whole(source: &ImportSource, build: &mut Build) -> Result<u64, DeepError>
     Ok(count)
 }
 
-/// Adds a star of a file.
+/// Adds a star that was read from a file.
 fn add(build: &mut Build, streamed: StreamedStar) -> Result<(), DeepError> {
     let StreamedStar { mut star, mut velocity, names, without_colour, parallax } = streamed;
     let prior = parallax.and_then(prior_distance_pc);

@@ -1,4 +1,4 @@
-//! Report of the rows that an import has read: rows in and out, by reason.
+//! Report on the rows that an import has read: how many were used or rejected, and why.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,31 +9,31 @@ use super::super::reader::{ReadReport, RejectedKind};
 pub struct ReadInput {
     /// Its rows.
     pub rows: Rows,
-    /// See [`Input`](super::part::Input); empty for a whole store, which does not need it.
+    /// Digest, see [`Input`](super::part::Input); empty for a whole store, which does not need one.
     pub digest: String,
 }
 
 /// Numbers of rows of an input.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rows {
-    /// Name of the source of a table; empty for a store and the built-in table.
+    /// Name of the recognised source of a table; empty for a store and for the built-in table.
     source: String,
     /// Rows that became stars.
     used: u64,
-    /// Rows of a table.
+    /// Number of rows of a table.
     rows: u64,
-    /// Unusable rows by the kind of the problem, with the first such row in words.
+    /// Kind of problem, number of unusable rows with it, and description of the first such row.
     rejected: Vec<(String, u64, String)>,
-    /// Used rows by a remark on them.
+    /// Remark, and number of used rows to which it applies.
     remarks: Vec<(String, u64)>,
-    /// Columns that drawing could use and that are not read.
+    /// Columns that are not read although the renderer could use them.
     unused: Vec<String>,
     /// Remarks on the whole file.
     notes: Vec<String>,
 }
 
 impl Rows {
-    /// Of a store or the built-in table.
+    /// Creates the numbers of a store or of the built-in table.
     pub fn of_store(stars: u64) -> Self {
         Self { used: stars, ..Self::default() }
     }
@@ -51,7 +51,7 @@ impl Rows {
             (report.hp_taken_as_v, "without V: Hp taken as V"),
             (report.colour_ignored, "with a colour index outside -1.5 to 8.5: taken as missing"),
             (report.motion_ignored, "with a motion of nines, such as -9999: taken as missing"),
-            (report.temperature_clamped, "with a temperature outside 500 to 100000 K: moved to the edge"),
+            (report.temperature_clamped, "with a temperature outside 500 to 100000 K: moved to the nearest limit"),
         ];
         let remarks = remarks.into_iter().filter(|(count, _)| *count > 0);
         Self {
@@ -66,7 +66,7 @@ impl Rows {
     }
 }
 
-/// Lines of some inputs together, which `name` stands for; the first line sums up the others.
+/// Lines for some inputs together, under the given name; the first line sums up the others.
 pub fn input_lines(name: &str, inputs: &[ReadInput]) -> Vec<String> {
     let mut total = Rows::default();
     let mut sources: Vec<&str> = Vec::new();
@@ -139,7 +139,7 @@ mod tests {
             ]
         );
         assert_eq!(input_lines("builtin:bright", &[input(Rows::of_store(9))]), ["builtin:bright: 9 stars"]);
-        // The state of an unfinished store keeps them.
+        // The inputs are kept in the state of an unfinished store.
         let json = serde_json::to_string(&files).expect("JSON");
         assert_eq!(serde_json::from_str::<Vec<ReadInput>>(&json).expect("read"), files);
     }

@@ -1,11 +1,12 @@
 //! The file `index` of a deep store: the tables of its other files, with their checksums.
 //!
-//! Layout, little-endian: a header of 128 bytes ([`Header`]), the description in UTF-8 (padded with zeros to a multiple of 8 bytes), an entry
-//! for each layer and each plane ([`PartEntry`], 24 bytes), the sums of light (for each layer with stars three f64 numbers for each cell of order 5), then a
-//! [`Segment`] (8 bytes) for each leaf of each layer with stars, and for each tile of each plane with stars.
+//! Layout, little-endian: a header of 128 bytes ([`Header`]), the description in UTF-8 (padded with zeros to a multiple of 8 bytes), an entry for
+//! each layer and each plane ([`PartEntry`], 24 bytes), the sums of light (for each layer with stars three f64 numbers for each cell of order 5),
+//! then a [`Segment`] (8 bytes) for each leaf of the layers that have stars, and for each tile of the planes that have stars.
 //!
-//! Segments follow each other in their file in the order of their cells, without gaps: offsets are sums of counts, so that leaves cannot
-//! overlap. The root checksum is the SHA-256 of the index with zeros in its place. It covers the index, and by the checksums in it the whole store.
+//! The segments of a file are in the order of their cells, without gaps. Their offsets are sums of counts, so that leaves cannot overlap. The root
+//! checksum is the SHA-256 of the index with zeros in place of the root checksum. It covers the index and, through the checksums in the index, the
+//! whole store.
 
 use std::path::Path;
 
@@ -20,8 +21,8 @@ use super::{COARSEST_PLANE, LAYERS, Layer, PLANES, Plane, SUM_ORDER};
 
 /// First bytes of an index.
 pub const MAGIC: [u8; 8] = *b"STERDEEP";
-/// Version of stores. Versions 1 and 2 also have planes of order 6, which are left unread. Version 1 has no parts, and its planes carry the remainder of rounding
-/// across all cells.
+/// Current version of stores. Versions 1 and 2 also have planes of order 6, which are not read. Version 1 has no parts, and its planes carry the
+/// remainder of rounding across all cells.
 pub const VERSION: u32 = 3;
 /// Order of the coarsest planes of versions 1 and 2.
 const COARSEST_BEFORE: u8 = 6;
@@ -29,7 +30,7 @@ const COARSEST_BEFORE: u8 = 6;
 pub const NAME: &str = "index";
 /// Longest description, bytes.
 const LONGEST_DESCRIPTION: u64 = 1 << 20;
-/// Place of the root checksum.
+/// Byte range of the root checksum.
 const ROOT: std::ops::Range<usize> = 16..48;
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -45,7 +46,7 @@ struct Header {
     bright_stars: u64,
     bright_crc32: u32,
     planes: u32,
-    /// Cells of a part, first and end; 0 and 0: a whole store.
+    /// First cell and end of the range of a part; 0 and 0 for a whole store.
     cells: [u32; 2],
     /// SHA-256 of the record of a part.
     part: [u8; 32],
@@ -74,7 +75,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// The segment of these words.
+    /// Creates the segment of these words.
     pub fn new(count: u32, words: &[u64]) -> Self {
         Self { count, crc32: crc32fast::hash(bytemuck::cast_slice(words)) }
     }
@@ -83,14 +84,14 @@ impl Segment {
 /// The segments of one file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Segments {
-    /// In the order of their cells; empty if none has a star.
+    /// The segments in the order of their cells; empty if none has a star.
     pub list: Vec<Segment>,
     /// First word of each segment, and the end of the last.
     first: Vec<u64>,
 }
 
 impl Segments {
-    /// `words`: number of words of a segment with a count of stars.
+    /// `words` returns the number of words of a segment from its number of stars.
     fn new(list: Vec<Segment>, words: impl Fn(u32) -> u64) -> Option<Self> {
         let mut first = Vec::with_capacity(list.len() + 1);
         let mut next = 0_u64;
@@ -125,7 +126,7 @@ pub struct BrightFile {
     pub bytes: u64,
     /// Number of stars.
     pub stars: u64,
-    /// The CRC-32 in its header, which covers its content.
+    /// The CRC-32 in its header, which is that of its content.
     pub crc32: u32,
 }
 
@@ -143,11 +144,11 @@ pub struct PartOfIndex {
 pub struct Index {
     /// Version of the store, 1 to [`VERSION`].
     pub version: u32,
-    /// Julian year of the places in leaves and planes. Those in `bright` are at J2000.0.
+    /// Epoch of the positions in leaves and planes, Julian year. The positions in `bright` are at J2000.0.
     pub epoch_year: f64,
-    /// Source of the stars, as text for people.
+    /// Human-readable description of the source of the stars.
     pub description: String,
-    /// Cells and record of a part; `None`: a whole store.
+    /// Cells and record of a part; `None` for a whole store.
     pub part: Option<PartOfIndex>,
     /// The bright stars.
     pub bright: BrightFile,
@@ -161,7 +162,8 @@ pub struct Index {
 }
 
 impl Index {
-    /// Index of a whole store. Segments of leaves and tiles must have the lengths of [`LAYERS`] and [`PLANES`], or be empty. `None` if the counts overflow.
+    /// Creates the index of a whole store. Segments of leaves and tiles must have the lengths of [`LAYERS`] and [`PLANES`], or be empty. Returns
+    /// `None` if the counts overflow.
     pub fn new(
         (epoch_year, description): (f64, String),
         bright: BrightFile,
@@ -183,7 +185,7 @@ impl Index {
         self.bright.stars + self.leaves.iter().map(Segments::stars).sum::<u64>()
     }
 
-    /// The bytes of the file, and the root checksum in them.
+    /// Returns the bytes of the file, and the root checksum that they contain.
     pub fn to_bytes(&self) -> (Vec<u8>, [u8; 32]) {
         let mut description = self.description.clone().into_bytes();
         let header = Header {
@@ -226,7 +228,7 @@ impl Index {
         (bytes, root)
     }
 
-    /// Reads an index and its root checksum; `path` is its name in errors.
+    /// Reads an index and its root checksum; `path` is its name in error messages.
     ///
     /// # Errors
     /// The bytes are not an index of this version, or they are damaged.
@@ -244,11 +246,11 @@ impl Index {
         }
         let root = root_of(bytes);
         if root != header.root {
-            return Err(damaged("its root checksum is not that of its content"));
+            return Err(damaged("its root checksum does not match its content"));
         }
         let planes = planes_of(header.version);
         if (header.layers as usize, header.planes as usize) != (LAYERS.len(), planes.len()) {
-            return Err(damaged("it has another number of layers or planes"));
+            return Err(damaged("its number of layers or planes is not that of its version"));
         }
         if header.description_bytes > LONGEST_DESCRIPTION || !header.epoch_year.is_finite() {
             return Err(damaged("its description or epoch is not valid"));
@@ -260,7 +262,7 @@ impl Index {
                 Some(PartOfIndex { cells, sha256: header.part })
             }
         };
-        // Everything is part of `bytes`, so that no count can cause a larger allocation.
+        // Everything is taken from `bytes`, so that no count can cause a larger allocation.
         let mut parts = Parts { rest };
         let description = parts.take(header.description_bytes.next_multiple_of(8));
         let description = description.and_then(|text| text.get(..header.description_bytes as usize));
@@ -279,11 +281,11 @@ impl Index {
         for (entry, (magnitude, order, segments)) in entries.iter().zip(expected) {
             let is_known = (entry.magnitude, entry.order) == (u32::from(magnitude), u32::from(order));
             if !is_known || ![0, segments].contains(&entry.segments) {
-                return Err(damaged("a layer or plane is not one of this version"));
+                return Err(damaged("a layer or plane does not exist in this version"));
             }
             let list: Vec<Segment> = parts.list(entry.segments).ok_or_else(short)?;
             if list.iter().map(|segment| u64::from(segment.count)).sum::<u64>() != entry.stars {
-                return Err(damaged("the counts of a layer or plane are not its number of stars"));
+                return Err(damaged("the counts of a layer or plane do not add up to its number of stars"));
             }
             lists.push(list);
         }
@@ -309,7 +311,7 @@ impl Index {
     }
 }
 
-/// The planes of a version in the order of its index, with their places in [`PLANES`]; `None`: not read.
+/// Returns the planes of a version in the order of its index, each with its index in [`PLANES`]; `None` if it is not read.
 fn planes_of(version: u32) -> Vec<(Plane, Option<usize>)> {
     let mut planes = Vec::new();
     for (index, plane) in PLANES.into_iter().enumerate() {
@@ -330,7 +332,7 @@ pub fn root_of(bytes: &[u8]) -> [u8; 32] {
     hash.finalize().into()
 }
 
-/// Bytes that are not read yet.
+/// Bytes that have not been read yet.
 struct Parts<'a> {
     rest: &'a [u8],
 }
@@ -398,7 +400,7 @@ mod tests {
             bytes[place] ^= 4;
             read(&bytes);
         }
-        // The same with a right checksum: counts, orders and text.
+        // The same with a correct checksum: wrong counts, orders and text.
         let altered = |change: &dyn Fn(&mut Vec<u8>)| {
             let mut bytes = whole.clone();
             change(&mut bytes);
@@ -411,7 +413,7 @@ mod tests {
         for version in [1, 2] {
             let earlier = Index { version, ..index() };
             let (bytes, _) = earlier.to_bytes();
-            // Entries of three planes of order 6.
+            // Earlier versions have the entries of three planes of order 6 in addition.
             assert_eq!(bytes.len(), whole.len() + 3 * size_of::<PartEntry>());
             let (found, _) = Index::from_bytes(Path::new("s/index"), &bytes).expect("an earlier version is read");
             assert!(found == earlier);
@@ -425,8 +427,8 @@ mod tests {
         assert!(altered(&|bytes| bytes.push(0)).contains("longer"));
         assert!(altered(&|bytes| bytes.truncate(bytes.len() - 8)).contains("shorter"));
         let entries = 128 + "a test, öäü".len().next_multiple_of(8);
-        assert!(altered(&|bytes| bytes[entries] = 14).contains("not one of this version"));
-        assert!(altered(&|bytes| bytes[entries + 16..entries + 24].fill(0xff)).contains("not one of this version"));
+        assert!(altered(&|bytes| bytes[entries] = 14).contains("not exist in this version"));
+        assert!(altered(&|bytes| bytes[entries + 16..entries + 24].fill(0xff)).contains("not exist in this version"));
         assert!(altered(&|bytes| bytes[entries + 8] ^= 1).contains("number of stars"));
     }
 }

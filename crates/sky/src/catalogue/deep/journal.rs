@@ -1,4 +1,4 @@
-//! State of an unfinished store, and its bright stars on disk: with both, a program that was killed continues.
+//! State of an unfinished store, and its bright stars on disk. With both, a later run continues the work after the program was killed.
 
 use std::fs::{self, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -16,36 +16,37 @@ use super::error::DeepError;
 use super::spill::{self, SpillState};
 use crate::files;
 
-/// Name of the state file.
+/// Name of the file with the state.
 pub const STATE: &str = "state.json";
-/// Files of the bright stars and their names.
+/// Names of the files of the bright stars and of their names.
 pub const STARS: &str = "bright-stars";
 /// See [`STARS`].
 pub const NAMES: &str = "bright-names";
 /// Version of the state.
 const VERSION: u32 = 3;
 
-/// Stars of an import that needed a rule, and those that were left out.
+/// Numbers of stars of an import that needed a rule, and of those that were left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
-    /// Stars that were delivered.
+    /// Number of delivered stars.
     pub delivered: u64,
-    /// Stars whose parallax is less than five times its error, or missing in a catalogue with errors: distance by the prior.
+    /// Stars whose distance was computed from the prior, because their parallax is less than five times its error, or is missing in a catalogue with
+    /// errors.
     pub prior_distance: u64,
     /// Stars at infinity.
     pub at_infinity: u64,
-    /// Bright stars without colour: the Sun's temperature.
+    /// Bright stars without colour, which get the Sun's temperature.
     pub bright_without_colour: u64,
-    /// Left out: fainter than leaves can hold.
+    /// Stars that were left out because they are fainter than leaves can hold.
     pub too_faint: u64,
-    /// Stars in leaves whose motion is not stored; they are placed at the store's epoch.
+    /// Stars in leaves whose motion is not stored; their positions are at the store's epoch.
     pub motions_left_out: u64,
-    /// Stars whose names are not stored: those in leaves, and bright ones beyond the rule of `resident`.
+    /// Stars whose names are not stored: those in leaves, and those of bright stars that the rule in `resident` excludes.
     pub names_left_out: u64,
 }
 
 impl Counts {
-    /// Counts a star that is delivered.
+    /// Counts a delivered star.
     pub(super) fn delivered(&mut self, star: &StarRecord, prior_distance: bool) {
         self.delivered += 1;
         self.prior_distance += u64::from(prior_distance);
@@ -77,9 +78,9 @@ impl Counts {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct State {
     version: u32,
-    /// Inputs of the store: only the same ones may continue.
+    /// Inputs of the store: work on it continues only with the same inputs.
     pub job: String,
-    /// Number of inputs that are finished: files, or blocks of a synthetic galaxy.
+    /// Number of finished inputs: files, or blocks of a synthetic galaxy.
     pub steps: usize,
     /// Whether all inputs are read.
     pub is_read: bool,
@@ -87,14 +88,14 @@ pub struct State {
     pub spill: SpillState,
     /// Number of bright stars, and length of the file of their names.
     pub bright: [u64; 2],
-    /// Stars that needed a rule.
+    /// Numbers of stars that needed a rule.
     pub counts: Counts,
-    /// Anything that the source of the stars needs to continue.
+    /// Additional data with which the source of the stars can continue.
     pub source: String,
 }
 
 impl State {
-    /// The state before the first input.
+    /// Creates the state before the first input.
     pub fn new(job: &str) -> Self {
         Self {
             version: VERSION,
@@ -139,7 +140,7 @@ struct KeptStar {
     velocity: [f32; 3],
     magnitude: f32,
     temperature_k: f32,
-    /// Bits: 0 distance known, 1 moves, 2 of the built-in table.
+    /// Bits: bit 0, the distance is known; bit 1, the star moves; bit 2, it is a star of the built-in table.
     flags: u32,
 }
 
@@ -148,13 +149,13 @@ struct KeptStar {
 pub struct BrightStars {
     /// At J2000.0.
     pub records: Vec<StarRecord>,
-    /// Velocities of those that move.
+    /// Velocities of the stars that move.
     pub velocities: Vec<StarVelocity>,
-    /// Names of those that have some.
+    /// Names of the stars that have any.
     pub names: Vec<NamesOfStar>,
     /// Whether each star is one of the built-in table.
     pub is_built_in: Vec<bool>,
-    /// Numbers of records, velocities and names that are on disk, and the length of the file of names.
+    /// Numbers of records, velocities and names that have been written to disk, and the length of the file of names.
     saved: ([usize; 3], u64),
 }
 
@@ -260,7 +261,7 @@ impl BrightStars {
         Ok(bright)
     }
 
-    /// Keeps the stars for which `keep` is true.
+    /// Keeps only the stars for which `keep` is true.
     pub fn retain(&mut self, keep: &[bool]) {
         (self.velocities, self.names) = kept(keep, &self.velocities, std::mem::take(&mut self.names));
         let mut keeps = keep.iter();
@@ -270,7 +271,7 @@ impl BrightStars {
     }
 }
 
-/// Cuts a file to a length, and appends bytes.
+/// Truncates a file to a length, and appends bytes.
 fn append(path: &Path, length: u64, bytes: &[u8]) -> Result<(), DeepError> {
     let file = OpenOptions::new().append(true).create(true).open(path);
     let write = |mut file: fs::File| {
@@ -301,7 +302,7 @@ mod tests {
             (&found.records, &found.velocities, &found.names),
             (&bright.records, &bright.velocities, &bright.names)
         );
-        // A program that was killed in between continues with the earlier state.
+        // Simulate a program that was killed in between: it continues with the earlier state.
         let mut found = BrightStars::read(folder.path(), state).expect("read");
         assert_eq!((found.records.len(), found.velocities.len(), found.names.len()), (2, 1, 1));
         found.push(record(9.0), None, None, false);

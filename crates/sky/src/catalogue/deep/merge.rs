@@ -1,8 +1,8 @@
 //! Joins the parts of a store ([`part`](super::part)).
 //!
-//! Nothing in leaves, planes and sums of light depends on more than one cell of order 4, so their bytes are copied, and each leaf and tile is compared
-//! with its checksum. The bright stars of all parts are sorted and divided into chunks together. So the result has the same bytes as a store that one program
-//! makes of the same inputs.
+//! Every value in leaves, planes and sums of light depends on one cell of order 4 only. Therefore their bytes are copied; the checksum of each leaf
+//! and tile is verified. The bright stars of all parts are sorted and divided into chunks together. The result has the same bytes as a store that one
+//! program makes from the same inputs.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -24,7 +24,7 @@ use super::{BUCKETS, DeepStore, LAYERS, PLANES, SUM_ORDER};
 pub struct MergeReport {
     /// The store.
     pub build: BuildReport,
-    /// A line for each catalogue, and lines for what it has and the store lacks.
+    /// A line for each catalogue, and lines for its data that the store lacks.
     pub catalogues: Vec<String>,
 }
 
@@ -35,10 +35,10 @@ struct Part {
     record: PartRecord,
 }
 
-/// Joins parts, in any order, to the whole store `out`. Their folders stay.
+/// Joins parts, given in any order, into the whole store `out`. The folders of the parts are kept.
 ///
 /// # Errors
-/// Ranges of cells overlap or are missing, parts have different inputs, versions or damage, or the store cannot be written.
+/// Ranges of cells overlap or are missing, parts have different inputs or versions, a part is damaged, or the store cannot be written.
 pub fn merge(parts: &[PathBuf], out: &Path, on_step: &mut OnStep<'_>) -> Result<MergeReport, DeepError> {
     let mut opened: Vec<Part> = parts.iter().map(|path| Part::open(path)).collect::<Result<_, _>>()?;
     opened.sort_by_key(|part| part.record.cells);
@@ -55,7 +55,7 @@ pub fn merge(parts: &[PathBuf], out: &Path, on_step: &mut OnStep<'_>) -> Result<
     }
     let store = folder.join(STORE);
     if store.exists() {
-        // A merge that was interrupted: copying again takes less time than to find out how far it is.
+        // Start an interrupted merge again: copying takes less time than finding out how far it got.
         fs::remove_dir_all(&store).map_err(DeepError::io(&store))?;
     }
     fs::create_dir_all(&store).map_err(DeepError::io(&store))?;
@@ -68,7 +68,7 @@ pub fn merge(parts: &[PathBuf], out: &Path, on_step: &mut OnStep<'_>) -> Result<
         tally.add(part.record.tally);
     }
     let tables = joined_tables(&opened);
-    // The parts are not empty: their ranges cover all cells.
+    // The list of parts is not empty, because their ranges cover all cells.
     let (description, catalogues) = opened
         .first()
         .map(|part| (part.store.index().description.clone(), part.record.lines.clone()))
@@ -87,7 +87,7 @@ impl Part {
             return Err(DeepError::OtherPart { path: folder.to_owned(), problem: problem.to_owned() });
         };
         let record = PartRecord::read(folder, &part)?;
-        // Stars outside of the cells would be lost.
+        // Refuse the part: the merge would lose its stars outside of its cells.
         let index = store.index();
         let orders = LAYERS.iter().map(|layer| layer.order).chain(PLANES.iter().map(|plane| tile_order(plane.order)));
         for (order, segments) in orders.zip(index.leaves.iter().chain(&index.tiles)) {
@@ -101,12 +101,12 @@ impl Part {
     }
 }
 
-/// The segments of a range of cells; none if no cell has stars.
+/// Returns the segments of a range of cells; none if no cell has stars.
 fn own_segments(segments: &Segments, cells: CellRange, order: u8) -> &[Segment] {
     segments.list.get(cells.at_order(order)).unwrap_or_default()
 }
 
-/// Refuses parts whose cells overlap or leave a gap. They are sorted.
+/// Refuses parts whose cells overlap or leave a gap. The parts must be sorted.
 fn check_cover(parts: &[Part]) -> Result<(), DeepError> {
     let mut missing: Vec<String> = Vec::new();
     let mut gap = |first: u64, end: u64| missing.extend(CellRange::new(first, end).map(|range| range.to_string()));
@@ -127,7 +127,7 @@ fn check_cover(parts: &[Part]) -> Result<(), DeepError> {
     if missing.is_empty() { Ok(()) } else { Err(DeepError::Gap { missing: missing.join(" and ") }) }
 }
 
-/// Refuses parts whose inputs are not those of the first one.
+/// Refuses parts whose inputs differ from those of the first part.
 fn check_inputs(parts: &[Part]) -> Result<(), DeepError> {
     let Some((first, others)) = parts.split_first() else { return Ok(()) };
     for other in others {
@@ -143,11 +143,11 @@ fn check_inputs(parts: &[Part]) -> Result<(), DeepError> {
 fn difference(first: &PartRecord, other: &PartRecord) -> Option<String> {
     let (expected, found) = (&first.inputs, &other.inputs);
     if expected.len() != found.len() {
-        return Some(format!("it is made of {} inputs instead of {}", found.len(), expected.len()));
+        return Some(format!("it was made from {} inputs instead of {}", found.len(), expected.len()));
     }
     let differs = expected.iter().zip(found).find(|(a, b)| a.digest != b.digest);
     differs.map(|(a, b)| {
-        format!("it is made of other inputs: {} ({:.12}) instead of {} ({:.12})", b.name, b.digest, a.name, a.digest)
+        format!("it was made from other inputs: {} ({:.12}) instead of {} ({:.12})", b.name, b.digest, a.name, a.digest)
     })
 }
 
@@ -182,7 +182,7 @@ fn copy_files(parts: &[Part], folder: &Path, on_step: &mut OnStep<'_>) -> Result
     Ok(())
 }
 
-/// The tables of all parts. A layer or plane without stars has none.
+/// Joins the tables of all parts. A layer or plane without stars has no table.
 fn joined_tables(parts: &[Part]) -> Tables {
     let joined = |order: u8, segments: &dyn Fn(&Index) -> &Segments| {
         let of_parts = parts.iter().map(|part| (part.record.cells, segments(part.store.index())));

@@ -1,4 +1,4 @@
-//! Parts and their merge: the bytes of a store that is made at once, and refusals.
+//! Tests of parts and their merge: the merged store has the bytes of a store that is made at once, and unsuitable parts are refused.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ fn cell(direction: DVec3) -> u64 {
     SkyPlace::from_direction(direction).cell(BUCKET_ORDER)
 }
 
-/// About 1,000 directions in cells all over the sky: few cells, because cells with stars take most of the time.
+/// About 1,000 directions in a few cells all over the sky. There are few cells, because cells with stars take most of the time.
 fn directions() -> impl Iterator<Item = DVec3> {
     super::cells::tests::directions(30_000).into_iter().filter(|direction| cell(*direction).is_multiple_of(29))
 }
@@ -53,7 +53,8 @@ fn pair_across_a_border() -> (DVec3, f64, DVec3) {
     found.expect("one of 9,096 stars is within 2 arcsec of a border")
 }
 
-/// A catalogue of about 1,000 stars in cells all over the sky, some without colour or repeated, and one that is a star of the built-in table across a border of cells.
+/// A catalogue of about 1,000 stars in cells all over the sky. Some have no colour or are repeated, and one duplicates a star of the built-in table
+/// across a border of cells.
 fn catalogue(folder: &Path) -> (PathBuf, u64) {
     let (direction, v_mag, near) = pair_across_a_border();
     let (ra, dec) = crate::coordinates::lon_lat_from_direction(near);
@@ -79,7 +80,7 @@ fn catalogue(folder: &Path) -> (PathBuf, u64) {
     (path, cell(direction).max(cell(near)))
 }
 
-/// Few stars in place of a model, many of them with the same magnitude.
+/// A small set of stars in place of the model; many of them have the same magnitude.
 struct Drawn {
     blocks: Vec<Vec<StarRecord>>,
 }
@@ -87,7 +88,7 @@ struct Drawn {
 impl Drawn {
     fn new() -> Self {
         let star = |(i, direction): (usize, DVec3)| {
-            // Every ninth is nearer than 100 pc, and so a bright star.
+            // Every ninth star is nearer than 100 pc and is therefore a bright star.
             let distance_pc = if i % 9 == 0 { 50.0 } else { 300.0 + i as f64 };
             let v_mag = 13.0 + 0.125 * (i % 10) as f64;
             let magnitude = (v_mag - crate::catalogue::distance_modulus(distance_pc)) as f32;
@@ -162,7 +163,7 @@ fn an_import_in_eight_parts_has_the_bytes_of_one() {
     assert_eq!((report.build, report.catalogues), (expected, catalogues));
     assert!(!folder.path().join("merged.partial").exists());
 
-    // A part may not be an input of an import, or replaced by the merge.
+    // A part must not be an input of an import, and the merge must not replace one.
     let error = import(&[ImportSource::File(parts[0].clone())], options(&folder.path().join("x"), None), &mut |_| ());
     assert!(matches!(error, Err(DeepError::IsPart { .. })));
     assert!(matches!(merge(&parts, &parts[3], &mut |_| ()), Err(DeepError::Occupied { .. })));
@@ -173,7 +174,7 @@ fn a_synthetic_galaxy_in_eight_parts_has_the_bytes_of_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let model = Arc::new(Drawn::new());
     let all: Vec<StarRecord> = model.blocks.concat();
-    // The limit is in the middle of the stars of one magnitude.
+    // The limit falls among stars of the same magnitude.
     let stars = all.len() * 3 / 4;
     let parameters = GalaxyParameters { stars, seed: 3, fainter_than: None, unresolved_light: false };
     let make = |options| synthesise_with(|| Ok(Arc::clone(&model)), &parameters, options, &mut |_| ()).expect("made");
@@ -185,7 +186,7 @@ fn a_synthetic_galaxy_in_eight_parts_has_the_bytes_of_one() {
     assert_eq!(report.build, expected);
     assert_eq!(expected.bright + expected.layers.iter().sum::<u64>(), stars as u64);
     assert!(all_files(&merged) == all_files(&whole));
-    // Another seed is another input.
+    // A galaxy with another seed is another input.
     let other = GalaxyParameters { seed: 4, ..parameters };
     let part = options(&parts[5], CellRange::new(1920, 2304));
     synthesise_with(|| Ok(Arc::clone(&model)), &other, part, &mut |_| ()).expect("made");
@@ -226,11 +227,11 @@ fn parts_that_do_not_fit_are_refused() {
     fs::write(&file, text.replace("14", "13.9")).expect("written");
     make("b", 1000, 2000);
     let error = merge_error(&all, &out);
-    assert!(error.contains("/b: it is made of other inputs") && error.contains("stars.csv"), "{error}");
+    assert!(error.contains("/b: it was made from other inputs") && error.contains("stars.csv"), "{error}");
     fs::write(&file, text).expect("written");
     make("b", 1000, 2000);
 
-    // The record of another version, with a right checksum.
+    // A record of another version, with a correct checksum.
     let store = DeepStore::open(&b).expect("a part");
     let json = fs::read_to_string(b.join(part::NAME)).expect("read");
     let with_record = |json: &str| {
@@ -250,7 +251,7 @@ fn parts_that_do_not_fit_are_refused() {
     }
     with_record(&json.replace("1000", "1001"));
     assert!(merge_error(&all, &out).contains("its cells are not those of the index"));
-    // Damage of each file of a part.
+    // Damage to each file of a part.
     with_record(&json);
     let part = DeepStore::open(&c).expect("a part");
     let bytes = |name: &str| fs::metadata(c.join(name)).expect("a file").len();

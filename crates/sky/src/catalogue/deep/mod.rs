@@ -1,13 +1,13 @@
 //! Deep stores: catalogues that do not fit in memory, such as Gaia's 1.8 billion stars.
 //!
-//! A deep store is a folder. Its stars are in three parts:
+//! A deep store is a folder. Its stars are stored in three forms:
 //!
-//! - **Bright** stars are brighter than V = 13, nearer than 100 pc, or have a proper motion above 0.2"/yr ([`resident`]). They are in `bright`, a store
-//!   in one file ([`super::store`]), with motions and names. A renderer keeps all of them in memory.
-//! - **Leaves** have the other stars, in three layers by magnitude ([`LAYERS`]), in HEALPix cells of orders 6, 7 and 8: 64 bits a star ([`word`]),
-//!   brightest first. They are read when a narrow view needs them.
-//! - **Planes** have the light of the leaves as composite stars, one for each cell of an order ([`composite`]). The plane of V = 15 has the light of the
-//!   layers of V = 15 and V = 17. They are drawn in place of the stars in wide views.
+//! - **Bright** stars are brighter than V = 13, nearer than 100 pc, or have a proper motion above 0.2"/yr ([`resident`]). They are in `bright`, a
+//!   single-file store ([`super::store`]), with motions and names. A renderer keeps all of them in memory.
+//! - **Leaves** contain the other stars, in three layers by magnitude ([`LAYERS`]) and in HEALPix cells of orders 6, 7 and 8. Each star has 64 bits
+//!   ([`word`]); the brightest ones come first. They are read when a narrow view needs them.
+//! - **Planes** contain the light of the leaves as composite stars, one for each cell of an order ([`composite`]). The plane of V = 15 contains the
+//!   light of the layers of V = 15 and V = 17. Wide views draw planes instead of individual stars.
 //!
 //! | file | content |
 //! |---|---|
@@ -16,12 +16,12 @@
 //! | `leaves-13`, `leaves-15`, `leaves-17` | words of the stars of each layer, leaf by leaf |
 //! | `plane-M-ORDER` | composite stars of the light fainter than V = M, tile by tile ([`tile`]) |
 //!
-//! Numbers are little-endian. Places in leaves and planes are those of the index's epoch, ICRS, seen from the barycentre. Files are read by positioned
-//! reads into buffers of the caller's size: a mapped file that another program truncates would end the process. Every leaf and tile has a CRC-32 and
-//! is never returned if it is wrong.
+//! Numbers are little-endian. Positions in leaves and planes are at the epoch given in the index, in the ICRS, as seen from the barycentre. Files are
+//! read by positioned reads into buffers of the caller's size: a mapped file that another program truncates would end the process. Every leaf and
+//! tile has a CRC-32 and is never returned if the checksum is wrong.
 //!
-//! [`live`] reads what views need while they are drawn. [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars to it,
-//! [`merge`] joins parts that were made elsewhere, [`check`], [`slice`] and [`export`] read whole stores.
+//! [`live`] reads the stars that views need while they are drawn. [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars
+//! to it, [`merge`] joins parts that were made separately, [`check`], [`slice`] and [`export`] read whole stores.
 
 mod bucket;
 pub mod build;
@@ -64,7 +64,7 @@ mod test_stores;
 /// A layer of leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layer {
-    /// V magnitude of its brightest stars; those of the next layer are fainter than all of this one.
+    /// V magnitude of its brightest stars. All stars of the next layer are fainter than those of this one.
     pub magnitude: u8,
     /// HEALPix order of its leaves.
     pub order: u8,
@@ -73,7 +73,7 @@ pub struct Layer {
 /// A plane of composite stars.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plane {
-    /// Its light is that of the layers of this magnitude and fainter ones.
+    /// It contains the light of the layer of this magnitude and of all fainter layers.
     pub magnitude: u8,
     /// HEALPix order of its cells.
     pub order: u8,
@@ -83,7 +83,7 @@ pub struct Plane {
 pub const LAYERS: [Layer; 3] =
     [Layer { magnitude: 13, order: 6 }, Layer { magnitude: 15, order: 7 }, Layer { magnitude: 17, order: 8 }];
 
-/// The planes: for each layer from four orders finer than its leaves to [`COARSEST_PLANE`].
+/// The planes. For each layer their orders range from four orders finer than its leaves to [`COARSEST_PLANE`].
 pub const PLANES: [Plane; 15] = [
     Plane { magnitude: 13, order: 10 },
     Plane { magnitude: 13, order: 9 },
@@ -102,26 +102,28 @@ pub const PLANES: [Plane; 15] = [
     Plane { magnitude: 17, order: 7 },
 ];
 
-/// Order of the coarsest planes. A cell of the bucket order has 64 cells of theirs: rounding their light keeps its sum within 1e-6 (3.3e-6 with 16 cells).
+/// Order of the coarsest planes. A cell of the bucket order contains 64 of their cells, so that rounding changes the sum of their light by at most
+/// 1e-6 (3.3e-6 with 16 cells).
 pub const COARSEST_PLANE: u8 = 7;
 
 /// Order of the cells whose sums of light are in the index.
 pub const SUM_ORDER: u8 = 5;
 
-/// Order of the cells that are written one after the other.
+/// Order of the cells (buckets) that are written one after the other.
 pub const BUCKET_ORDER: u8 = 4;
 
-/// Number of those cells.
+/// Number of buckets.
 pub const BUCKETS: u64 = cells::cell_count(BUCKET_ORDER);
 
-/// Epoch of the places in leaves that imports write: that of Gaia's third data release, Julian year.
+/// Epoch of the positions in leaves that imports write, Julian year. It is that of Gaia's third data release.
 pub const EPOCH_YEAR: f64 = 2016.0;
 
 /// Name of the file of the bright stars.
 pub const BRIGHT_FILE: &str = "bright";
 
 impl Layer {
-    /// V magnitude that no star of the layer exceeds in brightness: the light that is carried from star to star may move a star by half a step.
+    /// V magnitude that no star of the layer exceeds in brightness. The remainder of rounding that is carried from star to star may make a star half
+    /// a step brighter.
     pub fn brightest_mag(self) -> f64 {
         f64::from(self.magnitude) - 0.01
     }

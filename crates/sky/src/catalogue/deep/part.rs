@@ -1,13 +1,14 @@
-//! Parts of a store: the stars of a range of cells of order 4, which another program joins with those of the other cells ([`merge`](super::merge)).
+//! Parts of a store. A part contains the stars of a range of cells of order 4; a merge joins it with the parts for the other cells
+//! ([`merge`](super::merge)).
 //!
-//! A part is a deep store whose index has its range of cells. Three more files have what a merge needs:
+//! A part is a deep store whose index contains its range of cells. Three additional files contain the data for a merge:
 //!
 //! | file | content |
 //! |---|---|
 //! | `part.json` | [`PartRecord`]: version, cells, inputs with digests, numbers for the report, checksums of the other two files |
-//! | `bright-stars`, `bright-names` | the bright stars in full precision: `bright` has them relative to chunks of all stars |
+//! | `bright-stars`, `bright-names` | the bright stars in full precision (in `bright` their positions are relative to chunks of stars) |
 //!
-//! The SHA-256 of `part.json` is in the index, and so in the root checksum.
+//! The SHA-256 of `part.json` is in the index; therefore the root checksum covers it.
 
 use std::io::Read;
 use std::path::Path;
@@ -24,12 +25,12 @@ use crate::files;
 
 /// Name of the file of the record.
 pub const NAME: &str = "part.json";
-/// Version of parts. Programs that encode stars otherwise must have another one.
+/// Version of parts. It must change when the encoding of stars changes.
 pub const VERSION: u32 = 1;
 /// Largest length of a record, bytes.
 const MOST_BYTES: u64 = 1 << 28;
 
-/// The fields that a record of any version has.
+/// The fields that are common to records of all versions.
 #[derive(Deserialize)]
 struct Version {
     version: u32,
@@ -39,9 +40,9 @@ struct Version {
 /// An input of an import.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Input {
-    /// Its name, for messages.
+    /// Name for messages.
     pub name: String,
-    /// SHA-256 of a file, root checksum of a deep store, or all parameters of something that the program has or makes.
+    /// SHA-256 of a file, root checksum of a deep store, or all parameters of a source that the program contains or generates.
     pub digest: String,
 }
 
@@ -50,24 +51,24 @@ pub struct Input {
 pub struct PartRecord {
     /// Version of parts.
     pub version: u32,
-    /// Version of the program.
+    /// Version of the program that made the part.
     pub program: String,
     /// Its cells.
     pub cells: CellRange,
-    /// Inputs, in the order of the command.
+    /// Inputs, in the order of the command line.
     pub inputs: Vec<Input>,
-    /// Lines of the report for the inputs.
+    /// Lines about the inputs for the report.
     pub lines: Vec<String>,
-    /// Stars that needed a rule, and those that were left out.
+    /// Numbers of stars that needed a rule, and of those that were left out.
     pub tally: Tally,
     /// Number of bright stars, and length of the file of their names.
     pub bright: [u64; 2],
-    /// CRC-32 of the files of bright stars and of their names.
+    /// CRC-32 of the file of bright stars, and of the file of their names.
     pub bright_crc32: [u32; 2],
 }
 
 impl PartRecord {
-    /// The record before its files are written.
+    /// Creates the record before its files are written.
     pub fn new(cells: CellRange, inputs: Vec<Input>, lines: Vec<String>, tally: Tally) -> Self {
         let program = env!("CARGO_PKG_VERSION").to_owned();
         Self { version: VERSION, program, cells, inputs, lines, tally, bright: [0; 2], bright_crc32: [0; 2] }
@@ -86,14 +87,14 @@ impl PartRecord {
     /// Reads the record of a store.
     ///
     /// # Errors
-    /// It cannot be read, is not that of the index, or has another version.
+    /// The record cannot be read, does not match the index, or has another version.
     pub fn read(folder: &Path, expected: &PartOfIndex) -> Result<Self, DeepError> {
         let path = folder.join(NAME);
         let bytes = files::read_bounded(&path, MOST_BYTES).map_err(DeepError::io(&path))?;
         if <[u8; 32]>::from(Sha256::digest(&bytes)) != expected.sha256 {
-            return Err(DeepError::damaged(&path, "its checksum is not the one in the index"));
+            return Err(DeepError::damaged(&path, "its checksum differs from the one in the index"));
         }
-        // Another version may have other fields: compare it first.
+        // Compare the version first, because another version may have other fields.
         let unusable =
             |error: serde_json::Error| DeepError::damaged(&path, format!("it is not the record of a part: {error}"));
         let Version { version, program } = serde_json::from_slice(&bytes).map_err(unusable)?;
@@ -120,7 +121,7 @@ impl PartRecord {
         let found = bright_crc32(folder)?;
         for ((name, found), expected) in [STARS, NAMES].into_iter().zip(found).zip(self.bright_crc32) {
             if found != expected {
-                return Err(DeepError::damaged(&folder.join(name), "its checksum is not the one in part.json"));
+                return Err(DeepError::damaged(&folder.join(name), "its checksum differs from the one in part.json"));
             }
         }
         BrightStars::read(folder, self.bright)

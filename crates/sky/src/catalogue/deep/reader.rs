@@ -26,7 +26,7 @@ pub(super) fn light_scale(layer: usize) -> &'static LightScale {
     &SCALES[layer]
 }
 
-/// Returns whether the path is a folder with an index of a deep store. A damaged index counts, so that it is reported as such.
+/// Returns whether the path is a folder with an index of a deep store. A damaged index also counts, so that its damage is reported later.
 pub fn is_deep_store(path: &Path) -> bool {
     path.is_dir() && path.join(index::NAME).exists()
 }
@@ -50,7 +50,7 @@ impl DeepStar {
         magnitude_from_illuminance_lx(self.illuminance_lx)
     }
 
-    /// The star as readers return it.
+    /// Returns the star in the form in which readers return stars.
     pub fn record(&self) -> StarRecord {
         let distance = self.distance_pc.unwrap_or(1.0);
         let modulus = self.distance_pc.map_or(0.0, distance_modulus);
@@ -63,7 +63,7 @@ impl DeepStar {
     }
 }
 
-/// A leaf whose checksum was right.
+/// A leaf whose checksum was verified.
 #[derive(Clone, Debug)]
 pub struct Leaf {
     /// Index of its layer in [`LAYERS`].
@@ -77,14 +77,14 @@ pub struct Leaf {
 }
 
 impl Leaf {
-    /// Decodes a star. The pair of leaf and index always means the same star of a store.
+    /// Decodes a star. The same leaf and index always give the same star of a store.
     pub fn star(&self, index: usize) -> DeepStar {
         let word = Word::from_bits(self.words[index]);
         let (direction, illuminance_lx, distance_pc) = self.place_and_light(word);
         DeepStar { direction, illuminance_lx, temperature_k: temperature_k(word.temperature), distance_pc }
     }
 
-    /// Direction, illuminance at the barycentre in lx, and distance in pc (`None`: at infinity) of a star with this word, as in [`Self::star`].
+    /// Direction, illuminance at the barycentre in lx, and distance in pc (`None`: at infinity) of the star with this word; as in [`Self::star`].
     #[inline]
     pub(super) fn place_and_light(&self, word: Word) -> (DVec3, f64, Option<f64>) {
         let illuminance_lx = light_scale(self.layer).illuminance_lx(word.light);
@@ -109,7 +109,7 @@ pub struct DeepStore {
 }
 
 impl DeepStore {
-    /// Opens a store: reads its index, and compares the lengths of all files with it. Contents are checked when they are read.
+    /// Opens a store: reads its index, and checks the lengths of all files. The contents are checked when they are read.
     ///
     /// # Errors
     /// The folder is not a deep store of this version, its index is damaged, or a file is missing or has another length.
@@ -137,10 +137,10 @@ impl DeepStore {
         Ok(Self { folder: folder.to_owned(), index, root, leaves, planes })
     }
 
-    /// Opens a store that has all cells, for everything but the work on parts.
+    /// Opens a store that must have all cells. Use it for everything except work on parts.
     ///
     /// # Errors
-    /// Those of [`Self::open`], or it is a part of a store.
+    /// Those of [`Self::open`], or the store is a part.
     pub fn open_whole(folder: &Path) -> Result<Self, DeepError> {
         let store = Self::open(folder)?;
         match store.index.part {
@@ -156,7 +156,7 @@ impl DeepStore {
         &self.index
     }
 
-    /// The root checksum in hexadecimal: two stores with the same one have the same content.
+    /// The root checksum in hexadecimal. Two stores with the same root checksum have the same content.
     pub fn root(&self) -> String {
         files::hexadecimal(&self.root)
     }
@@ -171,7 +171,7 @@ impl DeepStore {
         self.folder.join(name)
     }
 
-    /// Length of all files, bytes, without those that only a merge of parts needs.
+    /// Total length of all files, bytes, except those that only a merge of parts needs.
     pub fn bytes(&self) -> u64 {
         let parts = self.index.leaves.iter().chain(&self.index.tiles).map(Segments::bytes).sum::<u64>();
         parts + self.index.bright.bytes + self.index.to_bytes().0.len() as u64
@@ -180,7 +180,7 @@ impl DeepStore {
     /// Reads the bright stars, which are at J2000.0.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged, or is another one than the index has.
+    /// The file cannot be read, is damaged, or does not belong to the index.
     pub fn bright(&self) -> Result<Store, DeepError> {
         let path = self.folder.join(BRIGHT_FILE);
         let header = store::read_header(&path)?;
@@ -188,13 +188,13 @@ impl DeepStore {
         if (header.crc32, header.stars) != (expected.crc32, expected.stars) {
             return Err(DeepError::damaged(
                 &path,
-                "its checksum is not the one in the index: it belongs to another store",
+                "its checksum differs from the one in the index: it belongs to another store",
             ));
         }
         Ok(store::read(&path)?)
     }
 
-    /// Reads a leaf; one without stars is not read from the disk.
+    /// Reads a leaf; a leaf without stars is not read from the disk.
     ///
     /// # Errors
     /// The layer has no such leaf, it cannot be read, or its checksum is wrong.
@@ -203,14 +203,14 @@ impl DeepStore {
         Ok(Leaf { layer, cell, frame: CellFrame::new(LAYERS[layer].order, cell), words })
     }
 
-    /// The words of a leaf; see [`Self::leaf`].
+    /// Reads the words of a leaf; see [`Self::leaf`].
     pub(super) fn leaf_words(&self, layer: usize, cell: u64) -> Result<Vec<u64>, DeepError> {
         let Self { index, leaves, .. } = self;
         self.words(&leaves[layer], &index.leaves[layer], ("leaf", cell, LAYERS[layer].order))
     }
 
-    /// Reads a tile of a plane; one without stars is not read from the disk. Its cells of the plane's order are
-    /// `cell * cells_per_tile + tile.cells[i]`.
+    /// Reads a tile of a plane; a tile without stars is not read from the disk. In the plane's order, the cell of composite star i is `cell *
+    /// cells_per_tile + tile.cells[i]`.
     ///
     /// # Errors
     /// The plane has no such tile, it cannot be read, or its checksum is wrong.
@@ -226,13 +226,13 @@ impl DeepStore {
         })
     }
 
-    /// The words of a tile; see [`Self::tile`].
+    /// Reads the words of a tile; see [`Self::tile`].
     pub(super) fn tile_words(&self, plane: usize, cell: u64) -> Result<Vec<u64>, DeepError> {
         let Self { index, planes, .. } = self;
         self.words(&planes[plane], &index.tiles[plane], ("tile", cell, tile_order(PLANES[plane].order)))
     }
 
-    /// Reads a segment and compares its checksum. Its length is part of the file: [`Self::open`] compared both.
+    /// Reads a segment and verifies its checksum. The segment lies within the file, because [`Self::open`] compared the lengths.
     fn words(
         &self,
         (path, file): &(PathBuf, File),
@@ -251,12 +251,12 @@ impl DeepStore {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut words);
         let damaged = |problem: String| DeepError::DamagedPart { path: path.clone(), part, cell, order, problem };
         platform::read_exact_at(file, bytes, 8 * first).map_err(|error| match error.kind() {
-            io::ErrorKind::UnexpectedEof => damaged("the file ends before it".to_owned()),
+            io::ErrorKind::UnexpectedEof => damaged("the file ends before this part".to_owned()),
             _ => DeepError::io(path)(error),
         })?;
         let found = crc32fast::hash(bytes);
         if found != segment.crc32 {
-            return Err(damaged(format!("its checksum is {found:08x}, the index has {:08x}", segment.crc32)));
+            return Err(damaged(format!("its checksum is {found:08x}, but the index has {:08x}", segment.crc32)));
         }
         Ok(words)
     }
@@ -271,7 +271,7 @@ impl DeepStore {
         self.index.leaves[layer].list.get(cell as usize).map_or(0, |segment| segment.count)
     }
 
-    /// Bytes that reading a tile takes.
+    /// Number of bytes that are read for a tile.
     pub fn tile_bytes(&self, plane: usize, cell: u64) -> u64 {
         8 * words_of_tile(PLANES[plane].order, self.tile_stars(plane, cell))
     }
@@ -282,6 +282,8 @@ fn check_length(path: &Path, file: &File, expected: u64) -> Result<(), DeepError
     if length == expected {
         return Ok(());
     }
-    let problem = format!("it has {length} bytes and the index says {expected}: truncated, or a file of another store");
+    let problem = format!(
+        "it has {length} bytes but should have {expected} according to the index: it is truncated, or belongs to another store"
+    );
     Err(DeepError::damaged(path, problem))
 }

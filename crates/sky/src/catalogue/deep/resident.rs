@@ -1,4 +1,4 @@
-//! The bright stars of a deep store: which stars they are, and which of them are listed twice.
+//! Decides which stars of a deep store are bright stars, and which of them are duplicates.
 
 use cdshealpix::nested;
 use glam::{DVec3, Vec3};
@@ -15,7 +15,7 @@ pub const NEARER_THAN_PC: f64 = 100.0;
 /// Stars with a larger proper motion are bright stars, arcsec a Julian year.
 pub const FASTER_THAN_ARCSEC: f64 = 0.2;
 
-/// Stars of a catalogue within this angle of a star of the built-in table, and within this difference in magnitude, are that star.
+/// Stars of a catalogue within this angle of a star of the built-in table, and within this difference in magnitude, are taken to be that star.
 const SAME_WITHIN_RAD: f64 = 2.0 * ARCSECOND_RAD;
 const SAME_WITHIN_MAG: f64 = 1.0;
 /// HEALPix order of the cells in which such stars are searched: 3.4 arcminutes wide.
@@ -37,7 +37,7 @@ pub fn is_resident(star: &StarRecord, v_mag: f32, velocity: Option<[f32; 3]>) ->
 }
 
 /// Names of bright stars are kept if they are brighter than this V magnitude, nearer than [`NAMED_NEARER_THAN_PC`], or have a proper name. The rule
-/// depends on the star alone, and bounds the memory: Gaia has a number for each of its stars.
+/// depends on the star alone. It bounds the memory, because in Gaia's catalogue every star has a number.
 pub const NAMED_BRIGHTER_THAN: f32 = 10.0;
 /// See [`NAMED_BRIGHTER_THAN`], pc.
 pub const NAMED_NEARER_THAN_PC: f64 = 25.0;
@@ -49,7 +49,7 @@ pub fn keeps_names(star: &StarRecord, v_mag: f32, names: &StarNames) -> bool {
         || !names.name.is_empty()
 }
 
-/// Returns for each star whether it is one of `listed` again: within 2" and one magnitude. Both are at the same epoch.
+/// Returns for each star whether it repeats one of `listed`: within 2" and one magnitude of it. Both lists must be at the same epoch.
 pub fn listed_again<'a>(listed: &[StarRecord], stars: impl Iterator<Item = &'a StarRecord>) -> Vec<bool> {
     let cell = |direction: DVec3| {
         let (longitude, latitude) = crate::coordinates::lon_lat_from_direction(direction);
@@ -65,7 +65,7 @@ pub fn listed_again<'a>(listed: &[StarRecord], stars: impl Iterator<Item = &'a S
     }
     let is_same = |star: &StarRecord, other: &StarRecord| {
         let angle = star.position.normalize().cross(other.position.normalize()).length();
-        // The cross product is small at the opposite side too.
+        // The cross product is also small for opposite directions.
         angle < SAME_WITHIN_RAD
             && star.position.dot(other.position) > 0.0
             && (star.apparent_magnitude() - other.apparent_magnitude()).abs() < SAME_WITHIN_MAG

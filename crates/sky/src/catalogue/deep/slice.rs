@@ -1,4 +1,4 @@
-//! Parts of deep stores: a cone of the sky, a range of magnitudes or of distances, as another store.
+//! Extracts stars of a deep store into another store: those in a cone of the sky, or in a range of magnitudes or distances.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use super::cells::{CellFrame, cell_count};
 use super::error::DeepError;
 use super::{DeepStore, LAYERS};
 
-/// Leaves that are read at a time.
+/// Number of leaves that are read at a time.
 const LEAVES_AT_ONCE: u64 = 4096;
 
 /// Conditions for a star. All of them must be met.
@@ -47,11 +47,11 @@ impl Selection {
     }
 }
 
-/// Receives a star, the Julian year of its place, and what else is known about it.
+/// Receives a star, the Julian year of its position, and other data of the star.
 pub type StarSink<'a> = dyn FnMut(StarRecord, f64, NewStar) -> Result<(), DeepError> + Send + 'a;
 
-/// Passes the stars of a store that meet conditions to `sink`, in the order of the store: bright stars with their velocity and names, then the stars of
-/// leaves.
+/// Passes the stars of a store that meet conditions to `sink`, in the order of the store: bright stars with their velocity and names, then the stars
+/// of leaves.
 ///
 /// # Errors
 /// A part of the store is damaged, or `sink` fails.
@@ -105,7 +105,7 @@ pub fn each_leaf_star(
     Ok(())
 }
 
-/// The same for a store in one file.
+/// The same for a single-file store.
 ///
 /// # Errors
 /// `sink` fails.
@@ -122,8 +122,8 @@ pub fn each_bright_star(store: &Store, selection: &Selection, sink: &mut StarSin
     Ok(())
 }
 
-/// Writes the stars of a store that meet conditions as another store. `options.job` is replaced. Stars are encoded again: they may move by another
-/// step of their words.
+/// Writes the stars of a store that meet conditions as another store. `options.job` is replaced. Stars are encoded again, so that they may move by
+/// one more step of their words.
 ///
 /// # Errors
 /// The store is damaged, no star is left, or the other store cannot be written.
@@ -144,7 +144,7 @@ pub fn slice(
 }
 
 impl Selection {
-    /// The conditions as text for people.
+    /// The conditions as human-readable text.
     pub fn describe(&self) -> String {
         let mut parts = Vec::new();
         if let Some((axis, half_rad)) = self.cone {

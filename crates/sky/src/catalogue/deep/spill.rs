@@ -1,6 +1,7 @@
-//! Stars between the two passes of an import: a file for each cell of order 4, appended to in blocks.
+//! Stores stars on disk between the two passes of an import. There is one file for each cell of order 4; stars are appended to it in blocks.
 //!
-//! The lengths and checksums of all files at one time are a [`SpillState`]. A program that continues cuts the files to those lengths.
+//! A [`SpillState`] contains the lengths and checksums of all files at one time. A program that continues the import truncates the files to these
+//! lengths.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
@@ -31,7 +32,7 @@ pub struct Spill {
     buffers: Vec<Vec<BucketStar>>,
     lengths: Vec<u64>,
     checksums: Vec<crc32fast::Hasher>,
-    /// Stars in a full buffer.
+    /// Number of stars in a full buffer.
     block: usize,
 }
 
@@ -40,7 +41,7 @@ fn file_of(folder: &Path, bucket: u64) -> PathBuf {
 }
 
 impl Spill {
-    /// Creates the folder, or continues with it, at a state. Buffers take at most `memory_bytes`, or 12 MiB if that is more.
+    /// Creates the folder, or restores its files to a state. Buffers take at most `memory_bytes`, or 12 MiB if that is more.
     pub fn open(folder: PathBuf, state: &SpillState, memory_bytes: u64) -> Result<Self, DeepError> {
         fs::create_dir_all(&folder).map_err(DeepError::io(&folder))?;
         let bytes = (memory_bytes / BUCKETS).clamp(SMALLEST_BLOCK, LARGEST_BLOCK);
@@ -65,7 +66,7 @@ impl Spill {
             if found < length {
                 return Err(DeepError::damaged(
                     &path,
-                    format!("it has {found} bytes and must have {length}; remove the unfinished store"),
+                    format!("it has {found} bytes but must have {length}; remove the unfinished store"),
                 ));
             }
             file.set_len(length).map_err(DeepError::io(&path))?;
@@ -75,7 +76,7 @@ impl Spill {
         Ok(spill)
     }
 
-    /// A spill to which nothing is added.
+    /// A spill to which no stars are added.
     pub fn without_files(folder: PathBuf) -> Self {
         Self { folder, buffers: Vec::new(), lengths: Vec::new(), checksums: Vec::new(), block: 0 }
     }
@@ -117,7 +118,7 @@ pub fn stars_of(state: &SpillState, bucket: u64) -> u64 {
     state[bucket as usize].0 / size_of::<BucketStar>() as u64
 }
 
-/// Reads the stars of a bucket and compares their checksum.
+/// Reads the stars of a bucket and verifies their checksum.
 pub fn read(folder: &Path, state: &SpillState, bucket: u64) -> Result<Vec<BucketStar>, DeepError> {
     let (length, crc32) = state[bucket as usize];
     if length == 0 {

@@ -17,31 +17,31 @@ use super::error::DeepError;
 use super::part::Input;
 use super::resident::is_resident;
 
-/// Blocks that are drawn between two points at which the state may be saved.
+/// Number of blocks that are drawn before the state may be saved again.
 const BLOCKS_AT_ONCE: usize = 8;
-/// Stars that a thread collects before it hands them over.
+/// Number of stars that a thread collects before it passes them on.
 const BATCH: usize = 1 << 14;
 
-/// Numbers of stars by magnitude, from which the limit for the requested number follows.
+/// Numbers of stars by magnitude. The faint limit for the requested number of stars is computed from them.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Magnitudes {
-    /// Stars brighter than those that are counted by magnitude.
+    /// Number of stars that are too bright to be counted by magnitude.
     brighter: u64,
-    /// Numbers by the bits of the magnitude, which is positive or sorted separately; see [`sortable`].
+    /// Numbers by magnitude. The keys are the bits of the magnitude in sortable form; see [`sortable`].
     counted: BTreeMap<u32, Ties>,
 }
 
-/// Stars of one magnitude.
+/// Numbers of stars of one magnitude.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Ties {
-    /// All, and those that are bright stars.
+    /// Number of all stars, and of those that are bright stars.
     total: u64,
     bright: u64,
-    /// Bright stars and stars of leaves in cells before those of the part.
+    /// Numbers of bright stars and of stars in leaves in the cells that precede those of the part.
     before: [u64; 2],
 }
 
-/// A number that sorts like the magnitude.
+/// Maps a magnitude to an integer with the same sort order.
 fn sortable(v_mag: f32) -> u32 {
     let bits = v_mag.to_bits();
     if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
@@ -53,7 +53,8 @@ fn magnitude(sortable: u32) -> f32 {
 }
 
 impl Magnitudes {
-    /// Counts a star; those from the magnitude `from` on by magnitude, and separately in cells of order 4 before `first_cell`.
+    /// Counts a star. Stars of magnitude `from` or fainter are counted by magnitude; those in cells of order 4 before `first_cell` are also counted
+    /// separately.
     fn add(&mut self, star: &StarRecord, from: f32, first_cell: u64) {
         let v_mag = star.apparent_magnitude() as f32;
         if v_mag < from {
@@ -83,10 +84,11 @@ impl Magnitudes {
         self.brighter + self.counted.values().map(|ties| ties.total).sum::<u64>()
     }
 
-    /// The limit that keeps `stars` stars in all cells; `None` if there are fewer, or if it is brighter than the counted magnitudes.
+    /// Returns the limit that keeps `stars` stars in all cells; `None` if there are fewer, or if the limit is brighter than the magnitudes that are
+    /// counted.
     ///
-    /// Of the stars of the limiting magnitude the first ones stay: bright stars before those of leaves, each by cell. A part keeps those that are left after
-    /// the cells before its own.
+    /// Of the stars of the limiting magnitude the first ones are kept: first bright stars, then stars in leaves, each sorted by cell. A part keeps
+    /// the number that remains after the preceding cells have kept theirs.
     fn limit(&self, stars: u64) -> Option<Limit> {
         let mut left = stars.checked_sub(self.brighter)?;
         for (v_mag, ties) in &self.counted {
@@ -103,9 +105,9 @@ impl Magnitudes {
     }
 }
 
-/// Makes a deep store with exactly `parameters.stars` stars: the apparently brightest of the model, as
-/// [`galaxy::generate`](super::super::galaxy::generate) has them. The same parameters give the same bytes with any number of threads and any limit of the
-/// memory. `options.job` is replaced.
+/// Makes a deep store with exactly `parameters.stars` stars: the apparently brightest ones of the model, the same as those of
+/// [`galaxy::generate`](super::super::galaxy::generate). The same parameters give the same bytes with any number of threads and any memory limit.
+/// `options.job` is replaced.
 ///
 /// # Errors
 /// Parameters are out of range, or the store cannot be written.
@@ -141,7 +143,7 @@ impl Blocks for GalaxyStream {
     }
 }
 
-/// The same; `model` prepares the model, which takes seconds, if stars must be drawn.
+/// As [`synthesise`], but `model` prepares the model, which takes seconds; it is called only if stars must be drawn.
 pub(super) fn synthesise_with<B: Blocks>(
     model: impl FnOnce() -> Result<Arc<B>, GalaxyError>,
     parameters: &GalaxyParameters,
@@ -164,7 +166,7 @@ pub(super) fn synthesise_with<B: Blocks>(
     if !build.is_read() {
         let stream = model()?;
         let mut next = build.steps_done();
-        // Further rounds are hardly ever needed.
+        // More than one round is hardly ever needed.
         while next < stream.blocks() || magnitudes.total() < stars as u64 {
             let round = next / stream.blocks();
             let end = (round + 1) * stream.blocks();
@@ -219,7 +221,7 @@ fn draw_round(
     Ok(())
 }
 
-/// Draws a block and hands its stars over in batches.
+/// Draws a block and passes its stars on in batches.
 fn draw_block(
     stream: &impl Blocks,
     block: usize,
@@ -264,7 +266,7 @@ mod tests {
     #[test]
     fn limits_keep_exactly_the_requested_number() {
         let star = |index: usize, v: f64| {
-            // Far stars are bright below V = 13.
+            // Distant stars are bright stars if V is below 13.
             let position = [glam::DVec3::X, -glam::DVec3::Y, glam::DVec3::Z][index % 3] * 1000.0;
             StarRecord { position, magnitude: (v - 10.0) as f32, temperature_k: 5e3, distance_known: true }
         };

@@ -15,7 +15,7 @@ pub fn options(out: &Path) -> BuildOptions {
     BuildOptions { out: out.to_owned(), memory_bytes: 1 << 30, job: "test".to_owned(), cells: None }
 }
 
-/// Stars all over the sky with V from 12 to `faintest`. A few move, have names, are at infinity or have no colour.
+/// Stars all over the sky with V from 12 to `faintest`. A few of them move, a few have names, a few are at infinity, and a few have no colour.
 pub fn stars(count: u32, seed: u64, faintest: f64) -> Vec<(StarRecord, NewStar)> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let star = |(index, direction): (usize, glam::DVec3)| {

@@ -1,10 +1,10 @@
-//! Bytes of a tile: the composite stars of a plane in one cell of the plane's tile order.
+//! Encoding of a tile: the composite stars of a plane in one cell of the plane's tile order.
 //!
-//! A tile with stars consists of 64-bit words, little-endian: a bit for each cell of the plane in the tile (from the lowest bit of the first
-//! word, in nested order; at least one word), set if the cell has a composite star, then the composite stars of those cells. A tile without
-//! stars has no bytes.
+//! A tile with stars consists of 64-bit words, little-endian. The first words have one bit for each cell of the plane in the tile, which is set if
+//! the cell has a composite star (from the lowest bit of the first word, in nested order; at least one word). The composite stars of these cells
+//! follow. A tile without stars has no bytes.
 
-/// Order of the tiles of a plane of an order: tiles have up to 4,096 cells, and are not larger than a bucket of the import.
+/// Order of the tiles for a plane of this order. Tiles have at most 4,096 cells and are not larger than a bucket of the import.
 pub const fn tile_order(order: u8) -> u8 {
     let order = order.saturating_sub(6);
     if order < 4 { 4 } else { order }
@@ -15,12 +15,12 @@ pub const fn cells_per_tile(order: u8) -> usize {
     1 << (2 * (order - tile_order(order)))
 }
 
-/// Words of the bits of a tile.
+/// Number of words for the bits of a tile.
 pub const fn words_of_bits(order: u8) -> usize {
     cells_per_tile(order).div_ceil(64)
 }
 
-/// Words of a tile with this number of composite stars.
+/// Number of words of a tile with this number of composite stars.
 pub const fn words_of_tile(order: u8, stars: u32) -> u64 {
     if stars == 0 { 0 } else { words_of_bits(order) as u64 + stars as u64 }
 }
@@ -41,7 +41,7 @@ impl Tile {
         self.bits.push(bits);
     }
 
-    /// The words of the tile of a plane of this order.
+    /// Encodes the tile of a plane of this order as words.
     pub fn to_words(&self, order: u8) -> Vec<u64> {
         if self.cells.is_empty() {
             return Vec::new();
@@ -54,7 +54,7 @@ impl Tile {
         words
     }
 
-    /// Inverse of [`Tile::to_words`]; `None` if the number of bits is not that of the composite stars, or a bit has no cell.
+    /// Inverse of [`Tile::to_words`]; `None` if the number of set bits differs from the number of composite stars, or if a set bit has no cell.
     pub fn from_words(order: u8, words: &[u64]) -> Option<Self> {
         if words.is_empty() {
             return Some(Self::default());
@@ -94,7 +94,7 @@ mod tests {
         }
         assert_eq!(Tile::default().to_words(12), Vec::<u64>::new());
         assert_eq!(Tile::from_words(12, &[]), Some(Tile::default()));
-        // Order 6 has 16 cells in a tile, and bits for 64.
+        // In order 6 a tile has 16 cells, but the word has 64 bits.
         assert_eq!(Tile::from_words(6, &[1 << 16, 7]), None);
         assert_eq!(Tile::from_words(12, &[0; 64]), None);
     }

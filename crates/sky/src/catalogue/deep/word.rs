@@ -9,10 +9,10 @@
 //! | 1 to 10 | distance | 0: at infinity; else 100 pc x 2000^((code - 1) / 1022) |
 //! | 0 | spare | 0 |
 //!
-//! Largest errors: place 6.4 mas in cells of order 8 (2.6 mas rms); distance 0.38 %; colour 0.0005 in u'v', and cooler stars get 2000 K; light
-//! 0.23 % when rounded. The writer
-//! carries the remainder of the light to the next star ([`LightCarry`]): a star is then off by up to 0.46 %, and the sum of a leaf of 1,300
-//! stars by 2e-7. A word says nothing about its cell, so that the same word at the same place of a leaf is always the same star.
+//! Largest errors: position 6.4 mas in cells of order 8 (2.6 mas rms); distance 0.38 %; colour 0.0005 in u'v' (stars below 2000 K get 2000 K); light
+//! 0.23 % when rounded. The writer carries the remainder of the light to the next star ([`LightCarry`]): the error of a star is then up to 0.46 %,
+//! and that of the sum over a leaf of 1,300 stars 2e-7. A word does not contain its cell, so that the same word at the same index of a leaf is always
+//! the same star.
 
 use std::sync::LazyLock;
 
@@ -23,7 +23,7 @@ use crate::{
 
 /// Bits of each coordinate in the cell.
 pub const PLACE_BITS: u32 = 17;
-/// Magnitudes from the brightest to the faintest light of a layer.
+/// Range of a layer's light, from the brightest to the faintest, magnitudes.
 pub const MAGNITUDES: f64 = 10.0;
 /// Highest code of the light.
 pub const LIGHT_STEPS: u32 = 2047;
@@ -76,14 +76,14 @@ impl Word {
     }
 }
 
-/// Place of a temperature in kelvin between codes; outside [`TEMPERATURES_K`] that of the nearest end.
+/// Fractional code of a temperature in kelvin. Temperatures outside [`TEMPERATURES_K`] get that of the nearest end.
 fn temperature_position(temperature_k: f64) -> f64 {
     let [cool, hot] = TEMPERATURES_K.map(f64::recip);
     let position = (temperature_k.recip() - hot) / (cool - hot);
     position.clamp(0.0, 1.0) * f64::from(TEMPERATURE_STEPS)
 }
 
-/// Code of a temperature in kelvin; outside [`TEMPERATURES_K`] that of the nearest end.
+/// Code of a temperature in kelvin. Temperatures outside [`TEMPERATURES_K`] get that of the nearest end.
 pub fn temperature_code(temperature_k: f64) -> u32 {
     temperature_position(temperature_k).round() as u32
 }
@@ -101,10 +101,10 @@ pub fn colours() -> &'static [[f64; 3]; 256] {
     &COLOURS
 }
 
-/// Code of a distance in parsecs; `None` and distances beyond the farthest: infinity, nearer than the nearest: the nearest.
+/// Code of a distance in parsecs. `None` and distances beyond the farthest one mean infinity; distances below the nearest one get its code.
 pub fn distance_code(distance_pc: Option<f64>) -> u32 {
     let [near, far] = DISTANCES_PC;
-    // Half a step beyond the farthest code still rounds to it.
+    // Distances up to half a step beyond the farthest code still round to it.
     match distance_pc.map(|distance| (distance / near).ln() / (far / near).ln()) {
         Some(position) if position < 1.0 + 0.5 / f64::from(DISTANCE_STEPS) => {
             1 + (position.clamp(0.0, 1.0) * f64::from(DISTANCE_STEPS)).round() as u32
@@ -113,7 +113,7 @@ pub fn distance_code(distance_pc: Option<f64>) -> u32 {
     }
 }
 
-/// Distance of a code, pc; `None`: at infinity.
+/// Distance of a code, pc; `None` for infinity.
 pub fn distance_pc(code: u32) -> Option<f64> {
     static TABLE: LazyLock<Vec<f64>> = LazyLock::new(|| {
         let [near, far] = DISTANCES_PC;
@@ -122,7 +122,7 @@ pub fn distance_pc(code: u32) -> Option<f64> {
     TABLE.get(code.checked_sub(1)? as usize).copied()
 }
 
-/// Light codes of a layer.
+/// Conversion between illuminances and light codes of a layer.
 #[derive(Clone, Debug)]
 pub struct LightScale {
     magnitude: f64,
@@ -131,7 +131,7 @@ pub struct LightScale {
 }
 
 impl LightScale {
-    /// The scale of the layer whose brightest stars have this V magnitude.
+    /// Creates the scale of the layer whose brightest stars have this V magnitude.
     pub fn new(magnitude: u8) -> Self {
         let magnitude = f64::from(magnitude);
         let of_code =
@@ -139,11 +139,11 @@ impl LightScale {
         Self { magnitude, table: (0..=LIGHT_STEPS).map(of_code).collect() }
     }
 
-    /// Nearest code of an illuminance in lx; outside the scale that of the nearest end.
+    /// Nearest code of an illuminance in lx. Illuminances outside the scale get the code of the nearest end.
     pub fn code(&self, illuminance_lx: f64) -> u32 {
         let steps =
             (magnitude_from_illuminance_lx(illuminance_lx) - self.magnitude) * f64::from(LIGHT_STEPS) / MAGNITUDES;
-        // NaN of a negative illuminance becomes 0 by the conversion, hence the faintest first.
+        // A negative illuminance would give NaN, which converts to code 0, the brightest one: return the faintest code instead.
         if illuminance_lx > 0.0 { steps.round().clamp(0.0, f64::from(LIGHT_STEPS)) as u32 } else { LIGHT_STEPS }
     }
 
@@ -153,17 +153,18 @@ impl LightScale {
     }
 }
 
-/// Carries the remainder of rounded light from star to star.
+/// Carries the remainder of rounding the light from star to star.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LightCarry {
     rest_lx: f64,
 }
 
-/// Largest part of its light that a star takes over from those before: half a step, so that a faint star after a bright one keeps its light.
+/// Largest remainder that a star takes over from the previous stars, as a share of its own light: half a step, so that a faint star after a bright
+/// one keeps its light.
 const MOST_TAKEN: f64 = 0.00225;
 
 impl LightCarry {
-    /// The code of a star's light plus the remainder of those before.
+    /// Returns the code of a star's light plus the remainder of the previous stars.
     pub fn code(&mut self, scale: &LightScale, illuminance_lx: f64) -> u32 {
         let most = MOST_TAKEN * illuminance_lx;
         let taken = self.rest_lx.clamp(-most, most);
@@ -173,14 +174,14 @@ impl LightCarry {
     }
 }
 
-/// Carries the remainder of rounding temperatures from star to star, so that the colour of their sum is kept: blue less red light, because luminance is kept by
-/// [`LightCarry`].
+/// Carries the remainder of rounding temperatures from star to star, so that the colour of their sum is kept. The carried value is blue minus red
+/// light, because [`LightCarry`] keeps the luminance.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ColourCarry {
     rest_lx: f64,
 }
 
-/// Blue less red of a place between codes, for luminance 1: the cubic through four codes.
+/// Blue minus red light at a fractional code, for luminance 1; interpolated by the cubic through four codes.
 fn blueness(position: f64) -> f64 {
     let at = |code: i64| {
         let [red, _, blue] = colours()[code.clamp(0, i64::from(TEMPERATURE_STEPS)) as usize];
@@ -193,7 +194,8 @@ fn blueness(position: f64) -> f64 {
 }
 
 impl ColourCarry {
-    /// The code of a temperature in kelvin for a star of `illuminance_lx`: the code below or above it that leaves the smaller remainder.
+    /// Returns the code of a temperature in kelvin for a star of `illuminance_lx`: of the next lower and the next higher code, the one that leaves
+    /// the smaller remainder.
     pub fn code(&mut self, temperature_k: f64, illuminance_lx: f64) -> u32 {
         let position = temperature_position(temperature_k);
         let exact = blueness(position);
@@ -273,14 +275,14 @@ mod tests {
         }
         let worst = |sum: [f64; 3]| (0..3).map(|i| (sum[i] / exact[i] - 1.0).abs()).fold(0.0, f64::max);
         assert!(worst(found) < 5e-5 && worst(rounded) > 2.5 * worst(found), "{:e} {:e}", worst(found), worst(rounded));
-        // Ends of the scale have one code.
+        // Each end of the scale has one code.
         assert_eq!([1.0, 1e9].map(|t| ColourCarry::default().code(t, 1.0)), [1.0, 1e9].map(temperature_code));
     }
 
     #[test]
     fn light_is_within_0_23_per_cent_a_star_and_2e_7_a_leaf_of_1300() {
         let scale = LightScale::new(17);
-        // As many stars as in a leaf, brightest first, with the counts of the sky.
+        // The number of stars of a leaf, brightest first, distributed over magnitudes as in the sky.
         let stars: Vec<f64> = (1..=1300_u32)
             .map(|i| illuminance_lx_from_magnitude(17.0 + 3.2 * (f64::from(i) / 1300.0).sqrt()))
             .collect();

@@ -1,4 +1,4 @@
-//! The folder of the work on a store, and its end: the finished store gets its name.
+//! The working folder of an unfinished store, from which the finished store is moved to its destination.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -6,25 +6,25 @@ use std::path::{Path, PathBuf};
 use super::error::DeepError;
 use super::is_deep_store;
 
-/// Folder of the unfinished store, in the folder of the work.
+/// Name of the folder of the unfinished store in the working folder.
 pub const STORE: &str = "store";
 
-/// Folder of the work on a store.
+/// Returns the working folder of a store.
 pub fn unfinished_folder(out: &Path) -> PathBuf {
     with_suffix(out, ".partial")
 }
 
 fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    // Components drop a separator at the end of the path.
+    // `components` drops a separator at the end of the path.
     let mut name: std::ffi::OsString = path.components().collect::<PathBuf>().into_os_string();
     name.push(suffix);
     name.into()
 }
 
-/// Creates the folder of the work if it does not exist, and locks it: no other program works in it until the file is dropped.
+/// Creates the working folder if it does not exist, and locks it: no other program uses it until the returned file is dropped.
 ///
 /// # Errors
-/// The destination is something else than a deep store, the folder is in use, or I/O fails.
+/// The destination exists and is not a deep store, the folder is in use, or I/O fails.
 pub fn begin(out: &Path) -> Result<(PathBuf, File), DeepError> {
     if out.exists() && !is_deep_store(out) {
         return Err(DeepError::Occupied { path: out.to_owned() });
@@ -40,7 +40,7 @@ pub fn begin(out: &Path) -> Result<(PathBuf, File), DeepError> {
     }
 }
 
-/// Gives the store its name, and removes the folder of the work. An older store is replaced.
+/// Moves the finished store to its destination, and removes the working folder. An older store is replaced.
 pub fn publish(folder: &Path, out: &Path) -> Result<(), DeepError> {
     let old = with_suffix(out, ".old");
     if out.exists() {

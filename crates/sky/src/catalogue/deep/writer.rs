@@ -1,8 +1,7 @@
 //! Writes leaves and planes bucket by bucket, and records each finished bucket, so that the work can be continued.
 //!
-//! The record of a bucket ([`BucketRecord`]) has its part of the tables of the index. It is appended to the file
-//! `finished` after the bucket's leaves and tiles are written. The lengths of the other files follow from the records: what a killed program wrote
-//! beyond them is cut off.
+//! The record of a bucket ([`BucketRecord`]) contains the bucket's part of the index tables. It is appended to the file `finished` after the bucket's
+//! leaves and tiles are written. The lengths of the other files follow from the records: data that a killed program wrote beyond them are cut off.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -17,7 +16,7 @@ use super::tile::{Tile, cells_per_tile, tile_order, words_of_tile};
 use super::{BUCKET_ORDER, BUCKETS, LAYERS, PLANES};
 use crate::photometry::rec709::luminance;
 
-/// Numbers of a record.
+/// Parses numbers from the bytes of a record.
 fn list<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
     let mut list = vec![T::zeroed(); bytes.len() / size_of::<T>()];
     bytemuck::cast_slice_mut(&mut list).copy_from_slice(bytes);
@@ -36,7 +35,8 @@ pub struct BucketRecord {
     pub tiles: Vec<Segment>,
     /// Light of each layer in its four cells of order 5.
     pub sums: Vec<[f64; 3]>,
-    /// Stars that were left out because another one is equal; stars with a median colour; stars of the limiting magnitude that may follow.
+    /// Numbers of stars: those that were left out because another one is equal; those with a median colour; those of the limiting magnitude that may
+    /// still follow.
     pub counts: [u64; 3],
 }
 
@@ -48,7 +48,7 @@ fn tiles_per_bucket() -> usize {
     PLANES.iter().map(|plane| plane.tiles_per_bucket()).sum()
 }
 
-/// Bytes of a record, with its checksum.
+/// Size of a record with its checksum, bytes.
 fn record_bytes() -> usize {
     8 * (leaves_per_bucket() + tiles_per_bucket()) + 24 * 4 * LAYERS.len() + 24 + 4
 }
@@ -110,7 +110,7 @@ pub struct EncodedBucket {
     leaves: BucketLeaves,
     segments: [Vec<Segment>; LAYERS.len()],
     light: [[[f64; 3]; 4]; LAYERS.len()],
-    /// Tiles of all planes, and the words of each plane.
+    /// Tiles of all planes, and the words of the tiles of each plane.
     tiles: Vec<Segment>,
     tile_words: Vec<Vec<u64>>,
 }
@@ -133,8 +133,8 @@ impl EncodedBucket {
     }
 }
 
-/// Encodes the tiles of a plane in a bucket, and adds them to `words`. The remainder of rounding is carried inside of the bucket only, from bright cells to
-/// faint ones, whose steps are smaller: what is left at the end is half a step of the faintest.
+/// Encodes the tiles of a plane in a bucket, and adds them to `words`. The remainder of rounding is carried within the bucket only, from bright cells
+/// to faint ones. Steps of fainter cells are smaller, so that the final remainder is half a step of the faintest cell.
 fn tiles_of(bucket: u64, plane: usize, cells: &[CellSum], words: &mut Vec<u64>) -> Result<Vec<Segment>, DeepError> {
     let kind = PLANES[plane];
     if cells.is_empty() {
@@ -167,14 +167,14 @@ fn tiles_of(bucket: u64, plane: usize, cells: &[CellSum], words: &mut Vec<u64>) 
     Ok(segments)
 }
 
-/// A file that grows.
+/// A file to which data are appended.
 struct Growing {
     path: PathBuf,
     file: File,
 }
 
 impl Growing {
-    /// Opens a file and cuts it to a length.
+    /// Opens a file and truncates it to a length.
     fn open(path: PathBuf, length: u64) -> Result<Self, DeepError> {
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
         let mut file = file.map_err(DeepError::io(&path))?;
@@ -182,7 +182,7 @@ impl Growing {
         if found < length {
             return Err(DeepError::damaged(
                 &path,
-                format!("it has {found} bytes and must have {length}; remove the unfinished store"),
+                format!("it has {found} bytes but must have {length}; remove the unfinished store"),
             ));
         }
         file.set_len(length).and_then(|()| file.seek(SeekFrom::End(0))).map_err(DeepError::io(&path))?;
@@ -203,7 +203,7 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Opens the files of an unfinished store in `folder`, and continues after the last bucket that is finished by the records in `work`.
+    /// Opens the files of an unfinished store in `folder`, and continues after the last bucket that has a record in `work`.
     pub fn open(folder: &Path, work: &Path) -> Result<Self, DeepError> {
         let records = read_records(&work.join(FINISHED))?;
         let (mut leaf_words, mut tile_words) = ([0_u64; LAYERS.len()], [0_u64; PLANES.len()]);
@@ -229,7 +229,7 @@ impl Writer {
         })
     }
 
-    /// Number of finished buckets: the number of the next one.
+    /// Number of finished buckets, which is also the index of the next bucket.
     pub fn finished(&self) -> u64 {
         self.records.len() as u64
     }
@@ -259,7 +259,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Stars that were left out because another one is equal, and stars that got a median colour.
+    /// Numbers of stars that were left out because another one is equal, and of stars that got a median colour.
     pub fn counts(&self) -> [u64; 2] {
         [0, 1].map(|count| self.records.iter().map(|record| record.counts[count]).sum())
     }
@@ -286,7 +286,7 @@ impl Writer {
     }
 }
 
-/// Reads the records up to the first that is incomplete.
+/// Reads the records up to the first incomplete one.
 fn read_records(path: &Path) -> Result<Vec<BucketRecord>, DeepError> {
     let mut bytes = Vec::new();
     match File::open(path) {

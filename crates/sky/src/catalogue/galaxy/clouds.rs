@@ -1,4 +1,4 @@
-//! Named dark clouds near the Sun, modelled as Gaussians in space: they obscure the Milky Way where the real ones do.
+//! Named dark clouds near the Sun, modelled as Gaussians in space. They obscure the Milky Way at the positions of the real clouds.
 //!
 //! Positions and sizes: Dame, Hartmann and Thaddeus 2001, ApJ 547, 792 and Dame et al. 1987, ApJ 322, 706 (CO).
 //! Distances: Zucker et al. 2020, A&A 633, A51. Extinctions are rounded means over the given size.
@@ -50,7 +50,7 @@ const CLOUDS: [Cloud; 21] = [
     cloud([109.0, 15.0], [5.0, 3.0], 350.0, 1.2),
 ];
 
-/// A cloud in space, prepared for look-up.
+/// A cloud in space, prepared for evaluation.
 struct Placed {
     middle_pc: DVec3,
     /// Unit vectors along the line of sight, longitude and latitude, each divided by its standard deviation, per pc.
@@ -65,7 +65,7 @@ struct Placed {
 pub struct Clouds(Vec<Placed>);
 
 impl Clouds {
-    /// Places the clouds in space. The depth of each is the mean of its two widths.
+    /// Places the clouds in space. The depth of each cloud is the mean of its two widths.
     pub fn new() -> Self {
         Self(CLOUDS.iter().map(placed).collect())
     }
@@ -110,7 +110,7 @@ mod tests {
             let [l, b] = cloud.centre_deg.map(f64::to_radians);
             let towards = crate::coordinates::direction_from_lon_lat(l, b);
             let sum: f64 = (0..4000).map(|i| clouds.opacity_mag_per_pc(towards * f64::from(i) * 0.5) * 0.5).sum();
-            // Other clouds may be in front of it or behind it.
+            // Other clouds may be in front of the cloud or behind it.
             assert!((0.99..2.2).contains(&(sum / cloud.extinction_mag)), "{:?}: {sum}", cloud.centre_deg);
         }
     }

@@ -1,11 +1,9 @@
 //! Interstellar dust: extinction in V magnitudes per parsec at each position.
 //!
-//! The opacity is an exponential disc times a log-normal factor from smooth noise of three sizes, plus the named dark
-//! clouds near the Sun (`clouds`), so that a dark rift crosses the Milky Way. Both are part of the model: they do not
-//! depend on the seed of the stars.
-//! Figures: 0.7 to 1 mag/kpc near the Sun (here 1, the mean over clouds and the gaps between them) and a scale height
-//! of 100 to 125 pc (e.g. Vergely et al. 1998, Marshall et al. 2006). Around the Sun the Local Bubble is nearly empty
-//! to 100 pc (Lallement et al. 2014).
+//! The opacity is an exponential disc times a log-normal factor from smooth noise of three sizes, plus the named dark clouds near the Sun (`clouds`),
+//! so that a dark rift crosses the Milky Way. Both are part of the model: they do not depend on the seed of the stars. Published values are 0.7 to 1
+//! mag/kpc near the Sun (here 1, the mean over clouds and the gaps between them) and a scale height of 100 to 125 pc (e.g. Vergely et al. 1998,
+//! Marshall et al. 2006). Around the Sun, the Local Bubble is nearly empty out to 100 pc (Lallement et al. 2014).
 
 use std::sync::LazyLock;
 
@@ -23,16 +21,16 @@ const LENGTH_PC: f64 = 3500.0;
 const HEIGHT_PC: f64 = 110.0;
 /// Distance from the Sun at which the dust has reached half of its full density, parsecs.
 const BUBBLE_PC: f64 = 90.0;
-/// Below this share of the local opacity, far above the plane, the cloud factor is not evaluated.
+/// The cloud factor is not evaluated if the opacity is below this share of the local one, which is the case far above the plane.
 const NEGLIGIBLE_SHARE: f64 = 1e-4;
 
 /// Edge lengths of the noise cells in parsecs, and the weight of each size.
 const CLOUD_SIZES: [(f64, f64); 3] = [(700.0, 0.62), (280.0, 0.58), (110.0, 0.53)];
 /// Standard deviation of the natural logarithm of the cloud factor.
 const CLOUD_CONTRAST: f64 = 0.9;
-/// Chosen from several dozen seeds: a few clouds near the Sun decide the appearance of the sky, and noise cannot know
-/// the real ones. With this seed a dark rift is at longitudes 20 to 60 degrees, as in the real sky, and star counts
-/// and the contrast between centre and anticentre are about right.
+/// Chosen from several dozen seeds: a few clouds near the Sun determine the appearance of the sky, and the noise does not reproduce the real ones.
+/// With this seed a dark rift is at longitudes 20 to 60 degrees, as in the real sky, and star counts and the contrast between centre and anticentre
+/// are about right.
 const NOISE_SEED: u64 = 4_000;
 
 /// The named clouds, and a distance beyond all of them, parsecs.

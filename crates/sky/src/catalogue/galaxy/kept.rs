@@ -1,4 +1,4 @@
-//! The form in which the cache keeps a synthetic Milky Way: 8 bytes for the number of stars, the stars, then the light of the others.
+//! The form in which the cache stores a synthetic Milky Way: 8 bytes with the number of stars, then the stars, then the light of the other stars.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -56,7 +56,7 @@ mod tests {
         *,
     };
 
-    /// 300 stars and the light of all others.
+    /// A galaxy of 300 stars and the light of all others.
     static GALAXY: LazyLock<Galaxy> = LazyLock::new(|| {
         with_light(&GalaxyParameters { stars: 300, seed: 1, fainter_than: None, unresolved_light: true }).unwrap()
     });
@@ -74,7 +74,7 @@ mod tests {
         }
     }
 
-    /// The digest of the content, with few decimals: the last bits of functions differ between systems.
+    /// The digest of the content uses few decimals, because the last bits of functions differ between systems.
     #[test]
     fn the_version_of_the_part_belongs_to_its_content() {
         let sum: f64 = GALAXY

@@ -1,12 +1,10 @@
 //! The luminosity function of the stars near the Sun, and their temperatures.
 //!
-//! The local luminosity function gives stars per cubic parsec and magnitude against absolute V magnitude. Its sources
-//! are the nearby stars of Wielen, Jahreiss and Krueger 1983 and, for the luminous end, the summary in Allen's
-//! *Astrophysical Quantities*. It is split into main sequence and evolved stars (subgiants, giants, and the red clump
-//! as a separate Gaussian). White dwarfs are left out. Within their scatter the figures are rounded so that the
-//! model's whole-sky star counts agree with the real ones. Temperatures follow the main sequence of Pecaut and
-//! Mamajek 2013 (rounded); for evolved stars, a red giant branch from 5300 K at its foot to 3300 K at its tip, with
-//! scatter.
+//! The local luminosity function gives the number of stars per cubic parsec and magnitude as a function of absolute V magnitude. Its sources are the
+//! nearby stars of Wielen, Jahreiss and Krueger 1983 and, for the luminous end, the summary in Allen's *Astrophysical Quantities*. It is split into
+//! main sequence and evolved stars (subgiants, giants, and the red clump as a separate Gaussian). White dwarfs are left out. The figures are rounded
+//! within their scatter, such that the star counts of the model over the whole sky agree with the real ones. Temperatures follow the main sequence of
+//! Pecaut and Mamajek 2013 (rounded); for evolved stars, a red giant branch from 5300 K at its foot to 3300 K at its tip, with scatter.
 
 use super::structure::{POPULATIONS, Population};
 use crate::photometry::blackbody::rec709_in_gamut;
@@ -66,7 +64,7 @@ const CLUMP: (f64, f64, f64) = (0.85e-4, 0.8, 0.25);
 const THICK_DISC_SHARE: f64 = 0.07;
 const HALO_SHARE: f64 = 0.0015;
 
-/// Main sequence, absolute V magnitude against temperature in kelvin.
+/// Main sequence: absolute V magnitude and temperature in kelvin.
 const MAIN_SEQUENCE_K: [(f64, f64); 19] = [
     (-6.0, 42_000.0),
     (-4.1, 31_500.0),
@@ -89,7 +87,7 @@ const MAIN_SEQUENCE_K: [(f64, f64); 19] = [
     (19.0, 2_400.0),
 ];
 
-/// Evolved stars, absolute V magnitude against temperature in kelvin.
+/// Evolved stars: absolute V magnitude and temperature in kelvin.
 const EVOLVED_K: [(f64, f64); 8] = [
     (-4.0, 3_300.0),
     (-2.5, 3_450.0),
@@ -101,8 +99,8 @@ const EVOLVED_K: [(f64, f64); 8] = [
     (5.0, 5_300.0),
 ];
 
-/// Of the stars on the young "main sequence" that are brighter than this, the share below are supergiants of any
-/// temperature between the two limits (uniform in its logarithm).
+/// Some stars of the young "main sequence" that are brighter than this absolute magnitude are supergiants: the share below. Their temperatures are
+/// between the two limits (distributed uniformly in the logarithm).
 const SUPERGIANTS_FROM: f64 = -3.5;
 const SUPERGIANT_SHARE: f64 = 0.5;
 const SUPERGIANT_K: (f64, f64) = (3_500.0, 25_000.0);
@@ -221,12 +219,12 @@ fn mean_colour(population: Population, magnitude: f64, evolved_share: f64) -> [f
     sum
 }
 
-/// Factor on a giant's temperature: giants with fewer metals are hotter.
+/// Factor for the temperature of a giant: giants with fewer metals are hotter.
 fn hotter(population: Population) -> f64 {
     if matches!(population, Population::ThickDisc | Population::Halo) { 1.04 } else { 1.0 }
 }
 
-/// Main-sequence and evolved stars of a population per cubic parsec and magnitude, at relative density 1.
+/// Numbers of main-sequence and of evolved stars of a population per cubic parsec and magnitude, at relative density 1.
 fn stars_per_pc3_mag(population: Population, magnitude: f64) -> (f64, f64) {
     let main_sequence = 10f64.powf(interpolate(&MAIN_SEQUENCE, magnitude));
     let branch = if magnitude < RED_GIANT_BRANCH[0].0 || magnitude > RED_GIANT_BRANCH[RED_GIANT_BRANCH.len() - 1].0 {
@@ -239,7 +237,7 @@ fn stars_per_pc3_mag(population: Population, magnitude: f64) -> (f64, f64) {
         stars * (-0.5 * ((magnitude - mean) / deviation).powi(2)).exp() / (deviation * std::f64::consts::TAU.sqrt());
     let evolved = branch + clump;
 
-    // The thin disc has three layers that fade into each other with luminosity.
+    // The thin disc has three layers; stars pass gradually from one to the next with luminosity.
     let young = 1.0 - rise(1.0, 3.0, magnitude);
     let old = rise(3.0, 5.0, magnitude);
     // A population without young stars has a main sequence only below its turn-off.
@@ -254,12 +252,12 @@ fn stars_per_pc3_mag(population: Population, magnitude: f64) -> (f64, f64) {
     }
 }
 
-/// 0 below `from`, 1 above `to`, linear between.
+/// Returns 0 below `from`, 1 above `to`, and interpolates linearly between them.
 fn rise(from: f64, to: f64, x: f64) -> f64 {
     ((x - from) / (to - from)).clamp(0.0, 1.0)
 }
 
-/// Piecewise linear function through `points` (ascending), constant outside.
+/// Piecewise linear function through `points` (in ascending order), constant outside of them.
 fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
     let above = points.partition_point(|p| p.0 <= x);
     if above == 0 {
@@ -312,7 +310,7 @@ mod tests {
                 let magnitude = BRIGHTEST + 0.1 * f64::from(i) + 0.013;
                 let stars = function.brighter_than(magnitude);
                 let back = function.magnitude_at(stars);
-                // If no star is between them, several magnitudes have the same count.
+                // If there are no stars between them, several magnitudes have the same count.
                 assert!((function.brighter_than(back) - stars).abs() <= 1e-12 * stars, "{magnitude} -> {back}");
             }
             assert_eq!(function.brighter_than(f64::NEG_INFINITY), 0.0);

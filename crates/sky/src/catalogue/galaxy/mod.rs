@@ -1,18 +1,17 @@
 //! A synthetic Milky Way: the stars that are brightest from the Sun, drawn from a model of the galaxy.
 //!
-//! The model has a thin disc in three layers (luminous stars in the thinnest), a thick disc, a bar-shaped bulge and a
-//! halo (`structure`), a luminosity function with temperatures for each of them (`luminosity_function`), and dust
-//! with clouds (`dust`, `clouds`). `sightlines` divides space into cells around the Sun and integrates the dust.
-//! `sampling` computes the expected number of stars up to any apparent magnitude and draws them. The galaxy's 1e11
-//! stars are never drawn: first the magnitude limit for the requested number is found, then only brighter stars are
-//! made, cell by cell. The light of all other stars is integrated along lines of sight (`unresolved`).
+//! The model has a thin disc in three layers (luminous stars in the thinnest), a thick disc, a bar-shaped bulge and a halo (`structure`), a
+//! luminosity function with temperatures for each of them (`luminosity_function`), and dust with clouds (`dust`, `clouds`). The module `sightlines`
+//! divides the space around the Sun into cells and integrates the dust. The module `sampling` computes the expected number of stars up to any
+//! apparent magnitude, and draws stars. The galaxy's 1e11 stars are never drawn: first the magnitude limit for the requested number is found, then
+//! only stars brighter than this limit are made, cell by cell. The light of all other stars is integrated along lines of sight (`unresolved`).
 //!
 //! Each block of the sky has its own random stream, so the stars depend on the parameters alone and not on the number
 //! of threads. Positions are ICRS parsecs from the Solar-System barycentre, magnitudes are Johnson V.
 //!
-//! **Extinction** is part of the magnitude: a record's absolute magnitude is M_V + A_V, with A_V the extinction
-//! between the star and the Sun. Stars therefore have the right apparent magnitude from the Sun; a camera far away
-//! sees them through the dust between them and the Sun. **Temperatures are intrinsic**: reddening is left out.
+//! **Extinction** is part of the magnitude: a record's absolute magnitude is M_V + A_V, with A_V the extinction between the star and the Sun. Stars
+//! therefore have the correct apparent magnitude from the Sun, but a distant camera also sees them dimmed by the dust between them and the Sun.
+//! **Temperatures are intrinsic**: reddening is left out.
 //!
 //! The stars' motion, binaries, clusters, spiral arms and white dwarfs are left out. No star is nearer than 1.3 pc.
 
@@ -44,8 +43,8 @@ pub const MOST_STARS: usize = 200_000_000;
 /// Faintest apparent V magnitude that the model covers.
 pub const FAINTEST_APPARENT_MAGNITUDE: f64 = 20.0;
 
-/// Number of blocks of the sky that are drawn at a time before they are appended to the result; limits the extra
-/// memory to this share of it.
+/// Number of blocks of the sky that are drawn at a time before they are appended to the result. It limits the additional memory to this share of the
+/// result.
 const BLOCKS_AT_ONCE: usize = 8;
 
 /// A synthetic Milky Way whose star counts follow those of the real sky.
@@ -58,9 +57,9 @@ pub struct GalaxyParameters {
     /// Seed of the random number generator.
     #[serde(default = "first_seed")]
     pub seed: u64,
-    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; absent: no limit.
+    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them. Without it there is no limit.
     pub fainter_than: Option<f64>,
-    /// Whether the light of all fainter stars is seen, the band of the Milky Way and the Magellanic Clouds.
+    /// Whether the light of all fainter stars is included: the band of the Milky Way and the Magellanic Clouds.
     #[serde(default = "has_unresolved_light")]
     pub unresolved_light: bool,
 }
@@ -132,7 +131,8 @@ pub enum GalaxyError {
     },
 }
 
-/// The galaxy of these parameters: from the cache of the process, or made now and kept there. See [`generate`].
+/// Returns the galaxy of these parameters from the cache of the process; if it is not there, generates it and stores it in the cache. See
+/// [`generate`].
 ///
 /// # Errors
 ///
@@ -146,8 +146,8 @@ pub fn kept_or_generated(parameters: &GalaxyParameters) -> Result<Galaxy, Galaxy
 
 /// Makes exactly `parameters.stars` stars, and the light of the stars that are fainter than all of them.
 ///
-/// The same parameters give the same stars, bit for bit, with any number of threads. The head of this module defines
-/// positions, magnitudes and temperatures.
+/// The same parameters give the same stars, bit for bit, with any number of threads. The documentation of this module defines positions, magnitudes
+/// and temperatures.
 ///
 /// # Errors
 ///
@@ -156,22 +156,22 @@ pub fn generate(parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
     generate_from(parameters, Sky::new)
 }
 
-/// [`generate`] from a model that is made when the parameters have been checked.
+/// As [`generate`], with a model that is made after the parameters have been checked.
 fn generate_from<S: Borrow<Sky>>(
     parameters: &GalaxyParameters,
     model: impl FnOnce() -> S,
 ) -> Result<Galaxy, GalaxyError> {
     check(parameters)?;
     let mut galaxy = draw_with_light(model().borrow(), parameters)?;
-    // The model's tables are large: its own are free before the temporary list of magnitudes is allocated.
+    // The model has been dropped, so that the memory of its large tables is free before the temporary list of magnitudes is allocated.
     keep_brightest(&mut galaxy.stars, parameters.stars);
     Ok(galaxy)
 }
 
-/// [`draw`], and the light of the fainter stars if it is requested.
+/// Draws the stars as [`draw`] does, and computes the light of the fainter stars if it is requested.
 fn draw_with_light(sky: &Sky, parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
     let stars = draw(sky, parameters)?;
-    // The drawn stars end at the magnitude up to which this number is expected.
+    // The faintest drawn star has the magnitude up to which this number of stars is expected.
     let unresolved = parameters.unresolved_light.then(|| {
         let left_out = sky.brighter_than(parameters.fainter_than.unwrap_or(f64::NEG_INFINITY));
         let faintest = sky.magnitude_with(left_out + parameters.stars as f64, FAINTEST_APPARENT_MAGNITUDE);
@@ -202,7 +202,7 @@ fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Gal
         return Err(too_few);
     }
 
-    // Aim higher than requested by more than chance and the error of the integration can remove.
+    // Aim for more stars than requested. The margin is larger than the fluctuation of the draw and the error of the integration.
     let mut aim = 1.003 * stars as f64 + 5.0 * (stars as f64).sqrt() + 5.0;
     let mut made = Vec::with_capacity(aim as usize + aim as usize / 200);
     let mut range = MagnitudeRange { brightest, faintest: brightest };
@@ -211,7 +211,7 @@ fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Gal
         if range.faintest >= FAINTEST_APPARENT_MAGNITUDE {
             return Err(too_few);
         }
-        // A further round, hardly ever needed, continues at the last one's faint limit.
+        // A further round, which is hardly ever needed, continues at the faint limit of the previous one.
         range.brightest = range.faintest;
         range.faintest = sky.magnitude_with(left_out + aim, FAINTEST_APPARENT_MAGNITUDE);
         for first in (0..BLOCKS).step_by(BLOCKS_AT_ONCE) {
@@ -229,7 +229,7 @@ fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Gal
     Ok(made)
 }
 
-/// Keeps the `count` apparently brightest stars, in their order. Among equals the first ones stay.
+/// Keeps the `count` apparently brightest stars, in their order. Of stars of equal magnitude the first ones are kept.
 fn keep_brightest(stars: &mut Vec<StarRecord>, count: usize) {
     if stars.len() <= count {
         return;

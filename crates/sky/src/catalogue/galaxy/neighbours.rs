@@ -1,4 +1,4 @@
-//! The galaxies visible to the naked eye: exponential discs with each galaxy's total light.
+//! The galaxies visible to the naked eye: modelled as exponential discs with the total light of each galaxy.
 //!
 //! Magnitudes, colours, position angles and axis ratios: de Vaucouleurs et al. 1991, Third Reference Catalogue. Scale
 //! lengths: about 1/3.2 of the radius at 25 B magnitudes per square arcsecond. The catalogued light of the Magellanic
@@ -48,7 +48,7 @@ const REACH: f64 = 9.0;
 
 struct Placed {
     towards: DVec3,
-    /// Major and minor axis, per scale length (rad).
+    /// Unit vectors along the major and minor axis, divided by the scale length (rad).
     axes: [DVec3; 2],
     central_cd_m2: [f64; 3],
     least_cosine: f64,
@@ -83,7 +83,7 @@ fn placed(part: &Part) -> Placed {
     let (sin, cos) = part.angle_deg.to_radians().sin_cos();
     let (long, short) = (north * cos + east * sin, east * cos - north * sin);
     let scale = part.scale_deg.to_radians();
-    // An exponential disc of central luminance L has the illuminance 2 pi L a b.
+    // An exponential disc with central luminance L and scale lengths a and b gives the illuminance 2 pi L a b.
     let central = illuminance_lx_from_magnitude(part.v_mag) / (std::f64::consts::TAU * scale * scale * part.ratio);
     Placed {
         towards,

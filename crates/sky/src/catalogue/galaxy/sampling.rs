@@ -1,12 +1,12 @@
 //! Expected star counts, and stars drawn from them.
 //!
-//! A star of absolute magnitude M at distance modulus plus extinction mu appears at V = M + mu. So the number of
-//! stars of a population brighter than V is the integral over space of density times `brighter_than(V - mu)`. The
-//! integral is done once, as a histogram of volume times density over mu; the count for any V is then a short sum.
+//! A star of absolute magnitude M at distance modulus plus extinction mu appears at V = M + mu. Therefore the number of stars of a population that
+//! are brighter than V is the integral over space of density times `brighter_than(V - mu)`. Volume times density is accumulated once in a histogram
+//! over mu; the number for any V is then a short sum.
 //!
-//! Stars are drawn by thinning. Each cell of the sightlines gets a Poisson number of proposals from an upper bound of
-//! the density and of the luminosity function; each proposal is then kept with the probability at its own position.
-//! The result follows the continuous model: the cells leave no trace in the sky.
+//! Stars are drawn by thinning. Each cell of the sightlines gets a Poisson number of proposals from an upper bound of the density and of the
+//! luminosity function; each proposal is then kept with the probability at its own position. The result follows the continuous model: the cells are
+//! not visible in the sky.
 
 use super::luminosity_function::{BRIGHTEST, LuminosityFunction};
 use super::sightlines::{
@@ -21,9 +21,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Poisson};
 use rayon::prelude::*;
 
-/// Number of columns of cells that are drawn together, from one random stream.
+/// Number of columns of cells that are drawn together from one random stream.
 const BLOCK_LONGITUDES: usize = 4;
-/// Blocks of the sky: units of parallel work.
+/// Number of blocks of the sky, the units of parallel work.
 pub const BLOCKS: usize = LONGITUDES / BLOCK_LONGITUDES;
 
 /// Factor by which the density inside a cell may exceed that at its corners.
@@ -39,7 +39,7 @@ const MODULUS_STEPS: usize = 41 * 40;
 pub struct Sky {
     sightlines: Sightlines,
     functions: [LuminosityFunction; POPULATIONS],
-    /// Cubic parsecs times relative density, by population and modulus.
+    /// Volume in cubic parsecs times relative density, by population and modulus.
     weighted_volume: Vec<f64>,
     icrs_from_galactic: DMat3,
 }
@@ -113,7 +113,7 @@ impl Sky {
         sum
     }
 
-    /// The magnitude up to which `stars` stars are expected, at most `faintest`.
+    /// Returns the magnitude up to which `stars` stars are expected, but at most `faintest`.
     pub fn magnitude_with(&self, stars: f64, faintest: f64) -> f64 {
         let (mut low, mut high) = (BRIGHTEST + MODULUS_FROM, faintest);
         for _ in 0..60 {
@@ -135,7 +135,7 @@ impl Sky {
         stars
     }
 
-    /// The same, one star after the other, for blocks that do not fit in memory.
+    /// The same for blocks that do not fit in memory: passes the stars to `sink` one by one.
     pub fn draw_block_into(
         &self,
         block: usize,
@@ -171,7 +171,7 @@ impl Sky {
         if range.faintest - bounds.nearest_modulus <= BRIGHTEST {
             return;
         }
-        // Upper bounds of the number of stars, and the part of each luminosity function that can be in range.
+        // Compute the upper bound of the number of stars, and the part of each luminosity function that can be in range.
         let volume = cell.volume_pc3();
         let mut parts = [(0.0, 0.0); POPULATIONS];
         let mut proposals = [0.0; POPULATIONS];
@@ -189,7 +189,7 @@ impl Sky {
         let poisson = Poisson::new(total).expect("the bound of a cell is positive, finite and below 1e10");
         let count = poisson.sample(rng) as u64;
         for _ in 0..count {
-            // Choose the population, then the star and its position.
+            // Choose the population, then the magnitude and the position of the star.
             let mut pick = rng.random::<f64>() * total;
             let mut i = 0;
             while i + 1 < POPULATIONS && (pick >= proposals[i] || proposals[i] == 0.0) {
@@ -211,8 +211,7 @@ impl Sky {
                 temperature_k: 0.0,
                 distance_known: true,
             };
-            // Test the record, not the value that it was rounded from: no star may be even slightly brighter than the
-            // limit.
+            // Test the rounded value in the record and not the original one: no star may be even slightly brighter than the limit.
             if (range.brightest..range.faintest).contains(&star.apparent_magnitude()) {
                 star.temperature_k = function.draw_temperature_k(absolute_mag, rng);
                 sink(star);
@@ -251,7 +250,7 @@ struct CellBounds {
     farthest_modulus: f64,
 }
 
-/// The part of one block in the histogram, from the centre of each cell.
+/// Returns the contribution of one block to the histogram, with one sample at the centre of each cell.
 fn block_weighted_volume(sightlines: &Sightlines, block: usize) -> Vec<f64> {
     let mut sums = vec![0.0; POPULATIONS * MODULUS_STEPS];
     for longitude in block * BLOCK_LONGITUDES..(block + 1) * BLOCK_LONGITUDES {
@@ -283,7 +282,7 @@ mod tests {
         let sky = &*super::super::tests::SKY;
         let mut rng = ChaCha8Rng::seed_from_u64(11);
         let mut worst: f64 = 0.0;
-        // Towards the centre, where the profiles are steepest, and in an ordinary direction.
+        // Test blocks towards the centre, where the profiles are steepest, and in an ordinary direction.
         for longitude in [0, 479, 130] {
             let planes = [density_plane(longitude), density_plane(longitude + 1)];
             for latitude in 0..LATITUDES {
@@ -297,7 +296,7 @@ mod tests {
                         let p = spot.position_pc;
                         for (i, &population) in Population::ALL.iter().enumerate() {
                             let density = Place::from_sun(p.x, p.y, p.z).density(population);
-                            // Where f32 underflows, no stars can be lost.
+                            // The bound may be 0 where f32 underflows, because no stars can be lost there.
                             if density > 1e-30 {
                                 worst = worst.max(density / bounds.density[i]);
                             }
@@ -312,14 +311,13 @@ mod tests {
     #[test]
     fn drawn_counts_match_the_expected_integral() {
         let sky = &*super::super::tests::SKY;
-        // The second range has its own round, as when the first one gave too few stars; it is narrower than a cell is
-        // deep.
+        // The second range has its own round, as if the first one had given too few stars. The range is narrower than the depth of a cell.
         for (round, (brightest, faintest)) in (0..).zip([(4.0, 9.5), (9.5, 9.6)]) {
             let range = MagnitudeRange { brightest, faintest };
             let drawn: usize = (0..BLOCKS).into_par_iter().map(|b| sky.draw_block(b, range, 5, round).len()).sum();
             let expected = sky.brighter_than(faintest) - sky.brighter_than(brightest);
-            // The integral samples the centre of each cell: half a per cent, plus five standard deviations of the
-            // draw.
+            // The integral samples only the centre of each cell, so that its error is half a per cent. The tolerance adds five standard deviations of
+            // the draw.
             let tolerance = 0.005 * expected + 5.0 * expected.sqrt();
             assert!((drawn as f64 - expected).abs() < tolerance, "{drawn} drawn, {expected:.0} expected");
         }

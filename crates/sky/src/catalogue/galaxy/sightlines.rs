@@ -28,7 +28,7 @@ pub const PLANE_CORNERS: usize = (LATITUDES + 1) * DISTANCES;
 
 /// Extinction at the corners of all cells.
 pub struct Sightlines {
-    /// By longitude, then latitude, then distance.
+    /// Sorted by longitude, then latitude, then distance.
     extinction_mag: Vec<f32>,
 }
 
@@ -48,13 +48,13 @@ pub struct Cell {
 pub struct Spot {
     /// Galactic Cartesian parsecs.
     pub position_pc: glam::DVec3,
-    /// Apparent minus absolute V magnitude of a star here: distance modulus plus extinction.
+    /// Apparent minus absolute V magnitude of a star at this position: distance modulus plus extinction.
     pub modulus_mag: f64,
     /// Extinction between the Sun and this position.
     pub extinction_mag: f64,
 }
 
-/// Functions of the corners' indices, computed once: millions of cells need them.
+/// Functions of the indices of corners, computed once because millions of cells need them.
 struct Tables {
     longitude_sin_cos: Vec<(f64, f64)>,
     latitude_rad: Vec<f64>,
@@ -104,7 +104,7 @@ pub fn plane_index(latitude: usize, distance: usize) -> usize {
     latitude * DISTANCES + distance
 }
 
-/// Galactic Cartesian vector at some polar coordinates; the longitude is given by its sine and cosine.
+/// Galactic Cartesian vector at polar coordinates; the longitude is given by its sine and cosine.
 fn from_polar((sin_l, cos_l): (f64, f64), sin_latitude: f64, distance_pc: f64) -> glam::DVec3 {
     let in_plane = distance_pc * (1.0 - sin_latitude * sin_latitude).max(0.0).sqrt();
     glam::DVec3::new(in_plane * cos_l, in_plane * sin_l, distance_pc * sin_latitude)
@@ -151,8 +151,8 @@ impl Sightlines {
         &self.extinction_mag[start..start + PLANE_CORNERS]
     }
 
-    /// The position at the fractions `across` of a cell: of the longitude, of the sine of the latitude and of the
-    /// cube of the distance, each in 0..1. Uniform fractions fill the volume uniformly.
+    /// Returns the position in a cell at the fractions `across` of the longitude, of the sine of the latitude and of the cube of the distance, each
+    /// in 0..1. Uniform fractions fill the volume uniformly.
     pub fn spot(&self, cell: Cell, across: [f64; 3]) -> Spot {
         let (west, east) = (longitude_rad(cell.longitude), longitude_rad(cell.longitude + 1));
         let (south, north) = (latitude_rad(cell.latitude), latitude_rad(cell.latitude + 1));
@@ -204,7 +204,7 @@ mod tests {
     fn extinction_grows_outwards_and_is_continuous_between_cells() {
         let sightlines = Sightlines::new();
         let cell = Cell { longitude: 479, latitude: 60, shell: 40 };
-        // (a face of the cell, the neighbouring cell, the same face in that cell's coordinates)
+        // Each entry: a face of the cell, the neighbouring cell, and the same face in the coordinates of that cell.
         for (from, beyond, to) in [
             ([1.0, 0.3, 0.6], Cell { longitude: 0, ..cell }, [0.0, 0.3, 0.6]),
             ([0.4, 1.0, 0.6], Cell { latitude: 61, ..cell }, [0.4, 0.0, 0.6]),

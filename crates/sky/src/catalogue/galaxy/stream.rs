@@ -1,7 +1,7 @@
-//! A synthetic Milky Way that does not fit in memory: blocks of the sky, whose stars are delivered one after the other.
+//! A synthetic Milky Way that does not fit in memory: the stars are delivered one after the other, in blocks of the sky.
 //!
 //! A block has the same stars here and in [`generate`](super::generate). The model is drawn a little deeper than the requested number of stars needs;
-//! the caller counts the magnitudes beyond [`GalaxyStream::counted_from`], and leaves out the faintest stars in the end.
+//! the caller counts the magnitudes beyond [`GalaxyStream::counted_from`], and finally leaves out the faintest stars.
 
 use super::sampling::{BLOCKS, MagnitudeRange, Sky};
 use super::{GalaxyError, GalaxyParameters};
@@ -13,7 +13,7 @@ pub const MOST_STREAMED: u64 = 2_000_000_000;
 /// Faintest apparent V magnitude of streamed stars: that of Gaia.
 pub const FAINTEST_STREAMED_MAGNITUDE: f64 = 21.5;
 
-/// The model, prepared for a number of stars.
+/// The model, prepared to draw a number of stars.
 pub struct GalaxyStream {
     sky: Sky,
     seed: u64,
@@ -57,7 +57,7 @@ impl GalaxyStream {
         BLOCKS
     }
 
-    /// Magnitudes of a round; the first one has enough stars, unless chance is against it.
+    /// Returns the range of magnitudes of a round. The first round almost always has enough stars.
     fn range(&self, round: u32) -> Result<MagnitudeRange, GalaxyError> {
         let mut aim = 1.003 * self.stars + 5.0 * self.stars.sqrt() + 5.0;
         let mut range = MagnitudeRange { brightest: self.brightest, faintest: self.brightest };
@@ -72,7 +72,8 @@ impl GalaxyStream {
         Ok(range)
     }
 
-    /// The magnitude from which on stars must be counted by magnitude: far fewer stars than requested are brighter.
+    /// Returns the magnitude beyond which stars must be counted by magnitude. The number of brighter stars is certainly smaller than the requested
+    /// number.
     pub fn counted_from(&self) -> f32 {
         let surely_kept = 0.98 * self.stars - 10.0 * self.stars.sqrt() - 10.0;
         if surely_kept <= 0.0 {
@@ -81,7 +82,7 @@ impl GalaxyStream {
         self.sky.magnitude_with(self.left_out + surely_kept, FAINTEST_STREAMED_MAGNITUDE) as f32
     }
 
-    /// Delivers the stars of a block in a round. Rounds after the first are only needed if the stars of all blocks are too few.
+    /// Delivers the stars of a block in a round. Rounds after the first one are needed only if all blocks together have too few stars.
     ///
     /// # Errors
     /// The model does not have enough stars for this round.

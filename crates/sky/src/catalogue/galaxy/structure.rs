@@ -23,12 +23,12 @@ const THIN_LENGTH_PC: f64 = 2600.0;
 const THICK_LENGTH_PC: f64 = 2200.0;
 /// Scale height of the thick disc, parsecs.
 const THICK_HEIGHT_PC: f64 = 900.0;
-/// Height over which the peak of the vertical exponential is rounded off, parsecs.
+/// Height over which the cusp of the vertical exponential is rounded off, parsecs.
 const ROUNDED_HEIGHT_PC: f64 = 30.0;
-/// Radius over which the peak of the radial exponential is rounded off, parsecs; inside, the bulge dominates.
+/// Radius over which the cusp of the radial exponential is rounded off, parsecs; inside it the bulge dominates.
 const ROUNDED_RADIUS_PC: f64 = 1000.0;
 
-/// Power law of the halo, its flattening c/a, and the core that keeps it finite at the centre (parsecs).
+/// Exponent of the halo's power law, its flattening c/a, and the core radius that keeps it finite at the centre (parsecs).
 const HALO_SLOPE: f64 = 2.8;
 const HALO_FLATTENING: f64 = 0.64;
 const HALO_CORE_PC: f64 = 1000.0;
@@ -59,7 +59,7 @@ pub enum Population {
 }
 
 impl Population {
-    /// All populations; the position here is the index in arrays by population.
+    /// All populations. The index in this array is also the index in other arrays by population.
     pub const ALL: [Population; POPULATIONS] =
         [Self::YoungDisc, Self::IntermediateDisc, Self::OldDisc, Self::ThickDisc, Self::Bulge, Self::Halo];
 
@@ -88,30 +88,30 @@ pub struct Place {
     radius2: f64,
 }
 
-/// Exponential disc for the radial and the vertical argument of a place.
+/// Density of an exponential disc for the radial and the vertical argument of a position.
 fn disc([radial_pc, vertical_pc]: [f64; 2], length_pc: f64, height_pc: f64) -> f64 {
     (-radial_pc / length_pc - vertical_pc / height_pc).exp()
 }
 
 impl Place {
-    /// The position at galactic Cartesian parsecs from the Sun.
+    /// Creates the position at galactic Cartesian coordinates in parsecs from the Sun.
     pub fn from_sun(x_pc: f64, y_pc: f64, z_pc: f64) -> Self {
         let x = x_pc - SUN_RADIUS_PC;
         Self { x, y: y_pc, height: z_pc + SUN_HEIGHT_PC, radius2: x * x + y_pc * y_pc }
     }
 
-    /// Distance from the axis with a rounded peak, minus its value at the Sun's distance; parsecs.
+    /// Distance from the axis, rounded off at the axis, minus its value at the Sun's distance; parsecs.
     fn radial_argument(self) -> f64 {
         static AT_SUN: LazyLock<f64> = LazyLock::new(|| SUN_RADIUS_PC.hypot(ROUNDED_RADIUS_PC));
         (self.radius2 + ROUNDED_RADIUS_PC * ROUNDED_RADIUS_PC).sqrt() - *AT_SUN
     }
 
-    /// Height above or below the plane with a rounded peak, zero in the plane; parsecs.
+    /// Height above or below the plane, rounded off at the plane where it is zero; parsecs.
     fn vertical_argument(self) -> f64 {
         (self.height * self.height + ROUNDED_HEIGHT_PC * ROUNDED_HEIGHT_PC).sqrt() - ROUNDED_HEIGHT_PC
     }
 
-    /// Exponential disc of a scale length and height (parsecs), 1 in the plane at the Sun's distance.
+    /// Density of an exponential disc with a scale length and height (parsecs); it is 1 in the plane at the Sun's distance.
     pub fn exponential_disc(self, length_pc: f64, height_pc: f64) -> f64 {
         disc(self.disc_arguments(), length_pc, height_pc)
     }
@@ -121,18 +121,18 @@ impl Place {
         [self.radial_argument(), self.vertical_argument()]
     }
 
-    /// Relative densities of all populations, as [`Place::density`] has them, in the order of [`Population::ALL`].
+    /// Relative densities of all populations, as [`Place::density`] gives them, in the order of [`Population::ALL`].
     pub fn densities(self) -> [f64; POPULATIONS] {
         let arguments = self.disc_arguments();
         Population::ALL.map(|population| self.density_for(population, arguments))
     }
 
-    /// Relative density of a population (see the module head).
+    /// Relative density of a population (see the documentation of the module).
     pub fn density(self, population: Population) -> f64 {
         self.density_for(population, self.disc_arguments())
     }
 
-    /// The same for known arguments of discs.
+    /// The same, if the arguments of the disc are already known.
     fn density_for(self, population: Population, arguments: [f64; 2]) -> f64 {
         match population {
             Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {

@@ -1,4 +1,4 @@
-//! The synthetic galaxy compared with the real sky, and its self-consistency.
+//! Tests of the synthetic galaxy: comparison with the real sky, and self-consistency.
 #![allow(clippy::print_stderr, reason = "these tests report their counts and densities")]
 
 use std::sync::LazyLock;
@@ -12,7 +12,7 @@ use crate::coordinates;
 /// The model, made once for all tests.
 pub(super) static SKY: LazyLock<Sky> = LazyLock::new(Sky::new);
 
-/// [`generate`](super::generate), with the shared model.
+/// As [`generate`](super::generate), with the shared model.
 pub(in crate::catalogue) fn with_light(parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
     generate_from(parameters, || &*SKY)
 }
@@ -21,7 +21,7 @@ fn generate(parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyErro
     with_light(parameters).map(|galaxy| galaxy.stars)
 }
 
-/// Stars over the whole sky brighter than V, round figures.
+/// Numbers of stars brighter than V over the whole sky, in round figures.
 const REAL_SKY: [(f64, f64); 12] = [
     (6.0, 4.9e3),
     (7.0, 1.4e4),
@@ -41,8 +41,8 @@ fn parameters(stars: usize, seed: u64, fainter_than: Option<f64>) -> GalaxyParam
     GalaxyParameters { stars, seed, fainter_than, unresolved_light: false }
 }
 
-/// Compares counts with the real sky up to the magnitude at which the set is complete, cumulatively and between
-/// neighbouring magnitudes. The error names the first that differs by more than a factor of 2.
+/// Compares counts with the real sky up to the magnitude at which the set is complete, cumulatively and between neighbouring magnitudes. The error
+/// names the first magnitude whose counts differ by more than a factor of 2.
 fn check_counts(count_brighter: impl Fn(f64) -> f64, complete_to: f64) -> Result<(), String> {
     let mut before = (0.0, 0.0);
     let mut checked = 0;
@@ -83,8 +83,8 @@ fn hash(stars: &[StarRecord]) -> u64 {
     hash
 }
 
-/// Stars per square degree: towards the centre and the anticentre (each |b| < 10, 30 degrees of longitude), along the
-/// whole plane (|b| < 5), and at both poles (|b| > 60), degrees.
+/// Stars per square degree in four regions, in degrees: towards the centre and the anticentre (each |b| < 10, 30 degrees of longitude), along the
+/// whole plane (|b| < 5), and at both poles (|b| > 60).
 struct Densities {
     centre: f64,
     anticentre: f64,
@@ -165,7 +165,7 @@ fn ten_million_stars_have_the_counts_and_distribution_of_the_real_sky() {
 #[test]
 #[ignore = "long: make test-all"]
 fn the_stars_depend_on_the_parameters_alone() {
-    // With its own model, which is made in parallel too.
+    // Generate with a separate model, because the model is also made in parallel.
     let with_threads = |threads: usize, p: GalaxyParameters| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         hash(&pool.install(|| super::generate(&p)).unwrap().stars)
@@ -184,10 +184,10 @@ fn only_stars_brighter_than_the_limit_are_left_out() {
     let fainter = generate(&parameters(50_000, 2, Some(6.5))).unwrap();
     assert!(all.iter().any(|s| s.apparent_magnitude() < 6.5));
     assert!(fainter.iter().all(|s| s.apparent_magnitude() >= 6.5));
-    // The set begins exactly at the limit: there are some 80 stars within 0.01 mag.
+    // The set begins exactly at the limit: about 80 stars are within 0.01 mag of it.
     let brightest = fainter.iter().map(StarRecord::apparent_magnitude).fold(f64::INFINITY, f64::min);
     assert!(brightest < 6.51, "{brightest}");
-    // Here stars are so many that rounding to f32 would move some over the limit.
+    // Here the stars are so numerous that rounding to f32 would move some of them across the limit.
     let crowded = generate(&parameters(1_000_000, 2, Some(12.0))).unwrap();
     assert!(crowded.iter().all(|s| s.apparent_magnitude() >= 12.0));
 }
@@ -235,8 +235,8 @@ fn wrong_parameters_are_refused() {
     }
 }
 
-/// Luminance of a galaxy around the cells of the measured sky, including drawn stars fainter than
-/// [`MEASURED_FAINTER_THAN_MAG`], relative to the measurement, in magnitudes; by latitude, then longitude.
+/// Luminance of a galaxy in the cells of the measured sky, relative to the measurement, in magnitudes; by latitude, then longitude. It includes drawn
+/// stars fainter than [`MEASURED_FAINTER_THAN_MAG`].
 fn against_measured(galaxy: &Galaxy, turned_deg: f64) -> Vec<(f64, Vec<f64>)> {
     let diffuse = galaxy.unresolved.as_ref().unwrap();
     let galactic_from_icrs = coordinates::galactic_from_icrs();
@@ -280,7 +280,7 @@ fn against_measured(galaxy: &Galaxy, turned_deg: f64) -> Vec<(f64, Vec<f64>)> {
     (0..rows.len()).map(of_row).collect()
 }
 
-/// Root mean square and mean of the rows at the wanted latitudes, without cells that were not measured.
+/// Root mean square and mean over the rows at the wanted latitudes, ignoring cells that were not measured.
 fn spread(rows: &[(f64, Vec<f64>)], wanted: impl Fn(f64) -> bool) -> [f64; 2] {
     let values: Vec<f64> = rows
         .iter()
@@ -318,17 +318,16 @@ fn the_milky_way_has_its_measured_brightness() {
     assert!(rms < 0.35 && mean.abs() < 0.08, "band: {rms} {mean}");
     let [rms, mean] = spread(&rows, |b| b.abs() > 12.0);
     assert!(rms < 0.35 && mean.abs() < 0.08, "beyond: {rms} {mean}");
-    // A galaxy that is rotated does not fit, and neither does one without the light of its faint stars.
+    // A rotated galaxy does not match the measurement, nor does one without the light of its faint stars.
     let [turned, _] = spread(&against_measured(&galaxy, 120.0), |b| b.abs() <= 12.0);
     assert!(turned > 0.45, "{turned}");
-    // The brightness is the same with more stars drawn individually.
+    // The brightness stays the same if more stars are drawn individually.
     let more = made(2_000_000);
     let [_, of_more] = spread(&against_measured(&more, 0.0), |b| b.abs() <= 12.0);
     let diffuse = |galaxy: &Galaxy| galaxy.unresolved.as_ref().unwrap().mean_cd_m2();
     eprintln!("mean of the rest: {:.3e} and {:.3e} cd/m^2", diffuse(&galaxy), diffuse(&more));
     assert!((of_more - mean).abs() < 0.15 && diffuse(&more) < 0.9 * diffuse(&galaxy), "{of_more} {mean}");
-    // The Large Magellanic Cloud, V = 0.4: the area within 4 degrees has four fifths of its light, plus the
-    // surrounding sky.
+    // The Large Magellanic Cloud has V = 0.4: the area within 4 degrees contains four fifths of its light, plus the light of the sky there.
     let middle = coordinates::direction_from_lon_lat(80_f64.to_radians(), (-69_f64).to_radians());
     let around = |from_deg: f64, to_deg: f64| {
         let sky = galaxy.unresolved.as_ref().unwrap();

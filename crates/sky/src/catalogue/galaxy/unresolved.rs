@@ -3,14 +3,13 @@
 //! 1. **Model.** The light of all stars fainter than the drawn ones is integrated along every line of sight of
 //!    `sightlines`: density times luminosity function, dimmed and reddened by the dust in front (A(612), A(549),
 //!    A(465 nm) over A_V = 0.87, 1, 1.22 for R, G, B: Cardelli, Clayton and Mathis 1989 with R_V = 3.1).
-//! 2. **Level.** Pioneer 10 and 11 measured the sky from beyond the zodiacal light (`background_starlight.csv`: every
-//!    10 degrees of longitude and 4 to 10 of latitude, including the diffuse galactic light). A factor that is smooth
-//!    over these cells fits the sum of model and drawn stars to the measurement. So the star clouds of Sagittarius,
-//!    Scutum, Cygnus and Carina and the Great Rift appear at their positions, although the model has neither spiral
-//!    arms nor clumps. The measurement is at 440 nm in units of solar-type stars; V is brighter by the difference of
-//!    colours.
-//! 3. **Lanes.** Detail finer than the sightlines (half a degree) is a screen of filaments in proportion to the dust.
-//!    It is invented: real filaments look alike but are elsewhere.
+//! 2. **Level.** Pioneer 10 and 11 measured the sky from beyond the zodiacal light (`background_starlight.csv`: every 10 degrees of longitude and 4
+//!    to 10 of latitude, including the diffuse galactic light). A factor that varies smoothly over these cells fits the sum of the model and the
+//!    drawn stars to the measurement. In this way the star clouds of Sagittarius, Scutum, Cygnus and Carina and the Great Rift appear at their
+//!    positions, although the model has neither spiral arms nor clumps. The measurement is at 440 nm in units of solar-type stars; the background is
+//!    brighter in V because it is redder than the Sun.
+//! 3. **Lanes.** Detail finer than the sightlines (half a degree) comes from a screen of filaments whose strength depends on the dust. It is
+//!    invented: real filaments look similar but are at other positions.
 //! 4. **Neighbours.** The galaxies visible to the naked eye (`neighbours`).
 //!
 //! Luminances are those seen from the Sun, outside the atmosphere.
@@ -39,8 +38,8 @@ use crate::{
 
 /// The measured sky excludes stars brighter than this, V magnitudes.
 pub const MEASURED_FAINTER_THAN_MAG: f64 = 6.5;
-/// Ratio of V to the measurement at 440 nm in solar-type stars: the background has a mean B-V of 0.80 (Toller 1981:
-/// 0.7 to 0.9), the Sun 0.65.
+/// Ratio of V to the measurement at 440 nm in solar-type stars: the mean B-V of the background is 0.80 (Toller 1981: 0.7 to 0.9), that of the Sun
+/// 0.65.
 const V_OVER_440_NM: f64 = 1.148_153_6;
 /// Extinction of R, G and B relative to V.
 const REDDENING: [f64; 3] = [0.87, 1.0, 1.22];
@@ -48,19 +47,17 @@ const REDDENING: [f64; 3] = [0.87, 1.0, 1.22];
 const TEXEL_RAD: f64 = 0.0035;
 /// Smallest level factor: it applies where the drawn stars alone are as bright as the measured sky.
 const LEAST_FACTOR: f64 = 0.1;
-/// Number of corrections of the level: its factors are spread as widely as the measured cells.
+/// Number of corrections of the level. Several are needed because each factor is spread as widely as the measured cells.
 const ROUNDS: usize = 6;
-/// Spread of a measured cell along longitude, degrees, and along latitude, in units of the distance to the next cell;
-/// each row holds up to its first number, a latitude in degrees. Far from the band little remains except the error of
-/// the measurement, a tenth.
+/// Each row gives the latitude up to which it applies (degrees), and the spread of a measured cell along longitude (degrees) and along latitude (in
+/// units of the distance to the next cell). Far from the band, little remains except the error of the measurement, which is a tenth.
 const SPREADS: [(f64, f64, f64); 3] = [(12.0, 4.2, 0.42), (45.0, 12.0, 0.7), (90.0, 25.0, 0.7)];
 /// Number of longitudes in the table.
 const TABLE_LONGITUDES: usize = 36;
-/// Shell up to which dust makes lanes: 2 kpc.
+/// Shell up to which dust forms lanes: 2 kpc.
 const LANES_SHELL: usize = 64;
-/// Filaments: largest size on the sky, number of sizes (each half of the previous one), weight of each next size,
-/// amount of bending relative to that size, and standard deviation of the natural logarithm of the light behind much
-/// dust.
+/// Filaments: largest size on the sky, number of sizes (each half of the previous one), weight of a size relative to the previous one, amount of
+/// bending relative to the largest size, and standard deviation of the natural logarithm of the light behind thick dust.
 const LANE_RAD: f64 = 0.11;
 const LANE_SIZES: u32 = 5;
 const LANE_WEIGHT: f64 = 0.66;
@@ -110,7 +107,7 @@ struct Corner {
 pub fn unresolved_light(sky: &Sky, fainter_than_mag: f64) -> DiffuseSky {
     let corners = model(sky, fainter_than_mag.max(MEASURED_FAINTER_THAN_MAG));
     let level = Level::new(&corners);
-    // Light and dust at the nodes of the spline.
+    // Compute the light and the dust at the nodes of the spline.
     let nodes: Vec<[f32; 4]> = corners
         .iter()
         .zip(&level.factors)
@@ -137,14 +134,14 @@ fn model(sky: &Sky, fainter_than_mag: f64) -> Vec<Corner> {
     corners.par_chunks_mut(ROWS).enumerate().for_each(|(longitude, column)| {
         let extinction = sky.sightlines().plane(longitude);
         for (latitude, corner) in column.iter_mut().enumerate() {
-            // One step covers two shells: density and dust are those between them.
+            // One step covers two shells; density and dust are taken at the boundary between them.
             for shell in (1..SHELLS).step_by(2) {
                 let dust_mag = f64::from(extinction[plane_index(latitude, shell)]);
                 let (near, far) = (distance_pc(shell - 1), distance_pc(shell + 1));
                 let modulus_mag = distance_modulus_mag(shell);
                 let p = corner_pc(longitude, latitude, shell);
                 let densities = Place::from_sun(p.x, p.y, p.z).densities();
-                // Cubic parsecs per sr, and the illuminance of a star of absolute magnitude 0 there.
+                // Volume of the step in cubic parsecs per sr, and the illuminance from a star of absolute magnitude 0 there.
                 let volume = (far.powi(3) - near.powi(3)) / 3.0;
                 let of_0_lx = |dust_mag: f64| ILLUMINANCE_MAG_0_LX * 10_f64.powf(-0.4 * (modulus_mag + dust_mag));
                 let reddened = REDDENING.map(|ratio| of_0_lx(ratio * dust_mag));
@@ -175,10 +172,10 @@ struct Level {
 
 /// Gaussian weights of the measured cells in both directions.
 struct Cells {
-    /// By row of the table, then latitude: normalised; and times the solid angle, with sum 1.
+    /// Weights by row of the table, then latitude. The second list is multiplied by the solid angle and has the sum 1.
     at_latitude: Vec<Vec<f64>>,
     over_latitudes: Vec<Vec<f64>>,
-    /// By row of the table, then steps of longitude from the cell: normalised.
+    /// Weights by row of the table, then steps of longitude from the cell.
     by_step: Vec<Vec<f64>>,
 }
 
@@ -190,7 +187,7 @@ impl Cells {
         let spread = |j: usize| SPREADS[SPREADS.partition_point(|(to, ..)| *to < middles[j].abs())];
         let at_latitude: Vec<Vec<f64>> = (0..middles.len())
             .map(|j| {
-                // Beyond the last row the sky is taken as in that row.
+                // Beyond the last row the sky is treated as in that row.
                 let clamped_deg = |i: usize| latitude_rad(i).to_degrees().clamp(middles[0], middles[middles.len() - 1]);
                 (0..ROWS).map(|i| normal(clamped_deg(i) - middles[j], spread(j).2 * gap(j))).collect()
             })
@@ -220,7 +217,7 @@ impl Cells {
         self.by_step[row][(longitude + LONGITUDES - cell * LONGITUDES / TABLE_LONGITUDES) % LONGITUDES]
     }
 
-    /// Mean of a quantity of the corners around each measured cell.
+    /// Computes the mean of a quantity over the corners around each measured cell.
     fn means(&self, quantity: &(dyn Fn(usize) -> f64 + Sync)) -> Vec<[f64; TABLE_LONGITUDES]> {
         self.over_latitudes
             .par_iter()
@@ -239,7 +236,7 @@ impl Cells {
             .collect()
     }
 
-    /// Values at the corners from values at the measured cells: weighted means without NaN.
+    /// Computes values at the corners from values at the measured cells: weighted means that ignore NaN.
     fn spread(&self, values: &[[f64; TABLE_LONGITUDES]]) -> Vec<f64> {
         let mut spread = vec![0.0; CORNERS];
         spread.par_chunks_mut(ROWS).enumerate().for_each(|(longitude, column)| {
@@ -291,7 +288,7 @@ impl Level {
 /// Fractional index of a latitude among those of the sightlines: inverse of [`latitude_rad`].
 fn latitude_index(latitude_rad: f64) -> f64 {
     let wanted = (latitude_rad.abs() / std::f64::consts::FRAC_PI_2).min(1.0);
-    // The function is convex: starting from the right, Newton's steps stay on the right.
+    // The function is convex: Newton's steps that start to the right of the root stay there.
     let mut u: f64 = 1.0;
     for _ in 0..8 {
         let root = u.sqrt();
@@ -323,7 +320,7 @@ fn spline(nodes: &[[f32; 4]], towards: DVec3) -> [f64; 4] {
     sum
 }
 
-/// Transmission of the dust filaments, with mean 1, towards a unit vector behind this much dust.
+/// Relative transmission of the dust filaments, with mean 1, towards a unit vector for this amount of dust.
 fn lanes(towards: DVec3, dust_mag: f64) -> f64 {
     let contrast = LANE_CONTRAST * dust_mag / (dust_mag + 1.5);
     if contrast < 0.03 {
@@ -334,12 +331,12 @@ fn lanes(towards: DVec3, dust_mag: f64) -> f64 {
     let mut place = straight + LANE_BEND * DVec3::new(noise(straight, 10), noise(straight, 11), noise(straight, 12));
     let (mut sum, mut weight, mut variance) = (0.0, 1.0, 0.0);
     for size in 0..LANE_SIZES {
-        // Half of it filaments, sharp where the noise crosses 0, and half clouds.
+        // Mix equal parts of filaments, which are sharp where the noise crosses 0, and of clouds.
         let own = noise(place, u64::from(size)) / LATTICE_NOISE_DEVIATION;
         sum += weight * FRAC_1_SQRT_2 * ((0.797 - own.abs()) / 0.604 + own);
         variance += weight * weight;
         weight *= LANE_WEIGHT;
-        // Rotated, so that the lattices of two sizes do not coincide.
+        // Rotate the position, so that the lattices of successive sizes do not coincide.
         place =
             2.0 * DVec3::new(0.6 * place.x + 0.8 * place.y, 0.6 * place.y - 0.8 * place.x, place.z) + DVec3::splat(7.3);
     }

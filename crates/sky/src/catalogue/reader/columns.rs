@@ -1,9 +1,9 @@
 //! Recognition of a file's columns by their names.
 //!
-//! Names are compared without case and surrounding blanks. The set of columns shows the source of the file ([`super::sources`]), and the
-//! source their meaning: `dist` is a distance in HYG and an angle in a cone search of the Gaia archive; `ra` is in hours in HYG and in
-//! degrees in the archive. If nothing shows which of them it is, a decimal `ra` is an error: a guess could be wrong by a factor of 15. A
-//! line of units, as VizieR writes one, is believed before the source.
+//! Names are compared without case and surrounding blanks. The source of the file is recognised from the set of columns ([`super::sources`]), and the
+//! source determines their meaning: `dist` is a distance in HYG and an angle in a cone search of the Gaia archive; `ra` is in hours in HYG and in
+//! degrees in the archive. If the unit of a decimal `ra` is unknown, it is an error, because a guess could be wrong by a factor of 15. A line of
+//! units, such as VizieR writes, takes precedence over the source.
 
 use super::finder::{Finder, SIMBAD};
 use super::sources::{DEGREES, Source};
@@ -11,11 +11,11 @@ use super::units::{Conversion, DirectionUnit, Quantity, direction_unit};
 
 /// Required columns, for messages.
 pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in parsecs), a brightness (v_mag or \
-     phot_g_mean_mag, or abs_mag with a distance), and if known teff_k, bp_rp or b_v, parallax_mas or distance_pc, and \
+     phot_g_mean_mag, or abs_mag with a distance), and, if known, teff_k, bp_rp or b_v, parallax_mas or distance_pc, and \
      pm_ra_mas_yr, pm_dec_mas_yr and radial_velocity_km_s; \
-     the headers of HYG, AT-HYG, Gaia exports and VizieR, and magnitude,temperature,x,y,z are known too";
+     the headers of HYG, AT-HYG, Gaia exports and VizieR, and magnitude,temperature,x,y,z are also recognised";
 
-/// HYG and AT-HYG write this distance in parsecs, or a larger one, if it is unknown.
+/// In HYG and AT-HYG, this distance in parsecs or a larger one means that the distance is unknown.
 pub(super) const HYG_UNKNOWN_DISTANCE_PC: f64 = 100_000.0;
 
 /// Epoch to which motions refer, Julian years.
@@ -30,9 +30,9 @@ pub(super) enum RaUnit {
     Hours,
     /// Radians.
     Radians,
-    /// Hours by the source of the file, unless a row has a value that cannot be hours.
+    /// Hours according to the source of the file, unless a row has a value that cannot be hours.
     HoursUnlessRefuted,
-    /// Hours or degrees: only sexagesimal right ascensions, always in hours, can be read.
+    /// Hours or degrees: only sexagesimal right ascensions can be read, because they are always in hours.
     Unknown,
 }
 
@@ -47,14 +47,14 @@ pub(super) enum Direction {
         dec: usize,
         /// Unit of the right ascension.
         unit: RaUnit,
-        /// Another pair with its unit, for rows without a value in the first one. Tycho-2 has no mean position of some stars.
+        /// Another pair of columns with its unit, for rows without values in the first pair. Tycho-2 has no mean position of some stars.
         other: Option<(usize, usize, RaUnit)>,
     },
     /// ICRS position in parsecs, which also gives the distance.
     Cartesian([usize; 3]),
 }
 
-/// Columns of a file by their meaning; numbers are column indices from 0.
+/// Columns of a file by their meaning; the numbers are column indices from 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Columns {
     /// The source of the file.
@@ -69,10 +69,10 @@ pub(super) struct Columns {
     pub abs_mag: Option<usize>,
     pub teff_k: Option<usize>,
     pub bp_rp: Option<usize>,
-    /// Gaia's BP and RP magnitudes, if BP-RP is missing.
+    /// Gaia's BP and RP magnitudes, which are used if BP-RP is missing.
     pub bp_and_rp: Option<[usize; 2]>,
     pub b_v: Option<usize>,
-    /// Magnitudes B and V, if B-V is missing.
+    /// Magnitudes B and V, which are used if B-V is missing.
     pub b_and_v: Option<[usize; 2]>,
     pub parallax_mas: Option<usize>,
     pub parallax_error_mas: Option<usize>,
@@ -84,15 +84,15 @@ pub(super) struct Columns {
     pub names: NameColumns,
     /// Epoch of the positions, Julian years.
     pub ref_epoch: Option<usize>,
-    /// Epoch of the positions without such a column.
+    /// Epoch of the positions if there is no such column, Julian years.
     pub epoch: f64,
     /// Equinox of the positions in each row.
     pub equinox: Option<usize>,
     /// Gaia's designation, such as `Gaia DR2 4472832130942575872`.
     pub designation: Option<usize>,
-    /// Distances from this one on mean "unknown".
+    /// This distance and larger ones mean "unknown".
     pub unknown_from_pc: f64,
-    /// Columns that drawing could use and that are not read, with the reason if it is known.
+    /// Columns that are not read although the renderer could use them, with the reason if it is known.
     pub unused: Vec<String>,
     /// Conversion of each column to the unit in which it is read.
     conversions: Vec<Conversion>,
@@ -127,7 +127,7 @@ struct Brightness {
 }
 
 impl Brightness {
-    /// `has_position`: the file has x, y and z; `has_distance`: it has a parallax or a distance.
+    /// Finds the columns. `has_position` is true if the file has x, y and z, `has_distance` if it has a parallax or a distance.
     fn find(finder: &mut Finder<'_>, source: Source, has_position: bool, has_distance: bool) -> Result<Self, String> {
         let v_mag = finder.magnitude(match (source.is_hyg(), finder.has(SIMBAD)) {
             (true, _) => &["mag"],
@@ -139,11 +139,11 @@ impl Brightness {
         let hp_mag = finder.magnitude(&["hpmag"])?;
         let mut abs_mag = finder.magnitude(&["abs_mag", "absmag"])?;
         let has_apparent = [v_mag, g_mag, hp_mag].iter().any(Option::is_some) || tycho_mag.is_some();
-        // `magnitude` alone is ambiguous; with x, y, z and without any other brightness it is the absolute magnitude.
+        // `magnitude` alone is ambiguous. In a file with x, y, z and without any other brightness it is the absolute magnitude.
         if abs_mag.is_none() && !has_apparent && has_position {
             abs_mag = finder.magnitude(&["magnitude"])?;
         }
-        // Without any brightness, or a distance for an absolute magnitude, the file is unusable.
+        // A file without any brightness is unusable, and so is one with an absolute magnitude but no distance.
         if !has_apparent {
             if abs_mag.is_none() {
                 return Err("no brightness".into());
@@ -164,7 +164,7 @@ struct Distance {
 }
 
 impl Distance {
-    /// `unused` gets the columns that look like a distance and are none.
+    /// Finds the columns. Columns that look like a distance but are not one are added to `unused`.
     fn find(finder: &mut Finder<'_>, source: Source, unused: &mut Vec<String>) -> Result<Self, String> {
         let unstated = source.parallax_unit();
         let parallaxes = ["parallax_mas", "parallax", "plx", "plx_value"];
@@ -200,18 +200,20 @@ impl Distance {
     }
 }
 
-/// Checks the unit of a declination that the file states: radians beside a right ascension in radians, else degrees.
+/// Checks the unit that the file states for a declination: it must be radians if the right ascension is in radians, otherwise degrees.
 fn check_dec_unit(finder: &Finder<'_>, dec: usize, ra_unit: RaUnit) -> Result<(), String> {
     let Some(unit) = finder.unit(dec) else { return Ok(()) };
     match (ra_unit, direction_unit(unit)) {
         (RaUnit::Radians, Some(DirectionUnit::Radians)) => Ok(()),
-        (RaUnit::Radians, _) => Err(format!("{} is in {unit}, but the right ascension in radians", finder.names[dec])),
+        (RaUnit::Radians, _) => {
+            Err(format!("{} is in {unit}, but the right ascension is in radians", finder.names[dec]))
+        }
         (_, Some(DirectionUnit::Degrees)) => Ok(()),
         _ => Err(format!("{} is in {unit}; it must be in degrees", finder.names[dec])),
     }
 }
 
-/// Unit of a right ascension that the file states.
+/// Returns the unit that the file states for a right ascension.
 fn stated_ra_unit(finder: &Finder<'_>, ra: usize) -> Result<Option<RaUnit>, String> {
     let Some(unit) = finder.unit(ra) else { return Ok(None) };
     Ok(Some(match direction_unit(unit) {
@@ -222,7 +224,7 @@ fn stated_ra_unit(finder: &Finder<'_>, ra: usize) -> Result<Option<RaUnit>, Stri
     }))
 }
 
-/// Right ascension and declination, and the epoch of both if their names give it.
+/// Finds right ascension and declination, and their epoch if their names give it.
 fn equatorial(
     finder: &mut Finder<'_>,
     source: Source,
@@ -233,7 +235,7 @@ fn equatorial(
         let (Some(ra), Some(dec)) = (finder.find(&[ra_name])?, finder.find(&[dec_name])?) else { continue };
         let unit = match stated_ra_unit(finder, ra)? {
             Some(unit) => unit,
-            // The table of the Hipparcos reduction is in radians, VizieR's answers are in degrees.
+            // The original table of the Hipparcos reduction is in radians, but VizieR's answers are in degrees.
             None if *ra_name == "rarad" && found.is_some() => continue,
             None if *ra_name == "rarad" => {
                 return Err("rarad may be radians or degrees: name it ra_deg, or keep the line of units".into());
@@ -277,7 +279,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// `unused` gets a proper motion of which only one half is there.
+    /// Finds the columns. If only one component of a proper motion exists, it is added to `unused`.
     fn find(finder: &mut Finder<'_>, source: Source, unused: &mut Vec<String>) -> Result<Self, String> {
         let east = ["pm_ra_mas_yr", "pmra", "pm_ra", "pm_ra_cosdec", "pm_racosdec", "pmra*", "pm_ra*", "pmracosdec"];
         let north = ["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"];
@@ -291,7 +293,7 @@ impl Motion {
             unused.push(format!("{}, {}: {reason}", finder.names[east], finder.names[north]));
             (pm_ra, pm_dec) = (None, None);
         }
-        // A file that states the unit of one half means both.
+        // If a file states the unit of one component, it applies to both.
         if let (Some(east), Some(north)) = (pm_ra, pm_dec) {
             for (stated, other) in [(east, north), (north, east)] {
                 if finder.unit(stated).is_some() && finder.unit(other).is_none() {
@@ -304,7 +306,7 @@ impl Motion {
         let (pm_ra, pm_dec) = match (pm_ra, pm_dec) {
             (Some(_), Some(_)) | (None, None) => (pm_ra, pm_dec),
             (Some(half), None) | (None, Some(half)) => {
-                unused.push(format!("{}: the other half of the proper motion is missing", finder.names[half]));
+                unused.push(format!("{}: the other component of the proper motion is missing", finder.names[half]));
                 (None, None)
             }
         };
@@ -328,13 +330,13 @@ impl NameColumns {
     }
 }
 
-/// Name of a column without byte order mark, mark of a comment, quotation marks, blanks and case.
+/// Returns the name of a column in lower case, without byte order mark, comment mark, quotation marks and surrounding blanks.
 fn normalised(name: &str) -> String {
     name.trim_start_matches('\u{feff}').trim().trim_start_matches('#').trim().trim_matches('"').to_lowercase()
 }
 
 impl Columns {
-    /// The same columns with right ascensions in degrees where they may also be in hours.
+    /// If `ra_in_degrees` is true, sets the unit of right ascensions that may be in hours or degrees to degrees.
     pub fn in_degrees(mut self, ra_in_degrees: bool) -> Self {
         if let Direction::Equatorial { unit: unit @ (RaUnit::Unknown | RaUnit::HoursUnlessRefuted), .. } =
             &mut self.direction
@@ -355,7 +357,8 @@ impl Columns {
         let mut finder = Finder { names: &names, units, used: Vec::new(), conversions };
         let mut unused = Vec::new();
 
-        // If a file has both angles and x, y, z, angles are the measured values; but without a distance, x, y and z hold more.
+        // If a file has both angles and x, y, z, prefer the angles, which are the measured values. Without a parallax or a distance, prefer x, y and
+        // z, which contain the distance.
         let cartesian = match finder.xyz(["x", "y", "z"])? {
             None => finder.xyz(["x0", "y0", "z0"])?,
             found => found,
@@ -420,12 +423,12 @@ impl Columns {
         })
     }
 
-    /// The same columns with other names in messages.
+    /// Returns the same columns with other names for messages.
     pub fn called(self, names: &[String]) -> Self {
         Self { header: names.iter().map(|name| normalised(name)).collect(), ..self }
     }
 
-    /// A number of a column in the unit in which it is read.
+    /// Converts a number of a column to the unit in which the column is read.
     pub fn converted(&self, column: usize, stored: f64) -> f64 {
         self.conversions[column].apply(stored)
     }

@@ -1,22 +1,21 @@
 //! CSV catalogues, read line by line; the `csv` crate splits a line into fields.
 //!
-//! One line is one row, because star catalogues have no line breaks inside fields. CSV in general allows them, so a
-//! stray quotation mark would hide all rows up to the next mark, or the rest of the file. `Lines` therefore sits
-//! between the file and the parser. It passes on one line at a time and skips blank lines and lines that begin with
-//! `#`. If the parser asks for more within a row, `Lines` closes the quotation; that row is rejected and the next
-//! line is a new row. Only one line is ever in memory. `Lines` also counts the lines: the crate's position of a
-//! record is the end of the previous one, which is too early after blank lines, comments and CRLF.
+//! One line is one row, because star catalogues have no line breaks inside fields. CSV in general allows them. A stray quotation mark would then hide
+//! all rows up to the next mark, or the rest of the file. `Lines` therefore sits between the file and the parser. It passes on one line at a time and
+//! skips blank lines and lines that begin with `#`. If the parser asks for more within a row, `Lines` closes the quotation; that row is rejected and
+//! the next line is a new row. Only one line is ever in memory. `Lines` also counts the lines: the position that the crate reports for a record is
+//! the end of the previous one, which is too early after blank lines, comments and CRLF.
 //!
-//! The separator is the most frequent one of comma, tab, semicolon and bar in the header; a blank if the header has none of them but
-//! blanks. Several blanks are then one separator, because columns are aligned with them. A field is quoted only if the mark is its first character; otherwise blanks around fields are ignored. Text that is not UTF-8
-//! matters only in the columns that are used.
+//! The separator is the most frequent character among comma, tab, semicolon and bar in the header. If the header has none of these but has blanks,
+//! the separator is a blank. Several blanks are then one separator, because they align the columns. A field is quoted only if the mark is its first
+//! character; otherwise blanks around fields are ignored. Text that is not UTF-8 matters only in the columns that are used.
 //!
-//! A file of VizieR may have several tables with different columns, each after a comment `#Table`: the first one is read.
+//! A file of VizieR may have several tables with different columns, each after a comment `#Table`. Only the first table is read.
 //!
-//! The head is the first line. Some programs write it in another way. VizieR writes a line of units and a line of dashes below it. numpy, TOPCAT and
-//! astropy write it as a comment: it is the head if it has as many fields as the first line, and the names of columns that the first line lacks, or
-//! if all fields of the first line are numbers. ECSV (astropy, Gaia archive) gives the units of its columns in comments. pandas writes an index without
-//! a name before the columns of aligned text. Excel writes `sep=;` before the head.
+//! The head is the first line, with exceptions for some programs. VizieR writes a line of units and a line of dashes below the head. numpy, TOPCAT
+//! and astropy write the head as a comment. A comment is the head if it has as many fields as the first line, and if it has column names that the
+//! first line lacks or all fields of the first line are numbers. ECSV (astropy, Gaia archive) gives the units of its columns in comments. pandas
+//! writes an index without a name before the columns of aligned text. Excel writes `sep=;` before the head.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -29,12 +28,13 @@ use super::columns::{self, Columns};
 use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
-/// Most bytes of comments before the head that are kept, to look for a head, units and the mark of ECSV.
+/// Maximum number of bytes of comments before the first row that are kept. A head, units and the mark of ECSV are searched in them.
 const COMMENTS_LIMIT: usize = 1 << 20;
-/// Most comments that are compared with the first line, from the last.
+/// Maximum number of comments that are compared with the first line, counted from the last one.
 const HEADS_TRIED: usize = 20;
 
-/// Most rows that are read before the first of them becomes a star: they show dashes, an index and decimal commas.
+/// Maximum number of rows that are read before the first of them is converted to a star. They are searched for a line of dashes, an index and decimal
+/// commas.
 const FIRST_ROWS: usize = 100;
 
 /// Longest accepted line, bytes.
@@ -57,7 +57,7 @@ pub fn read_csv(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError
 /// Reads a CSV catalogue from `source`; messages call it `file`.
 ///
 /// # Errors
-/// As [`read_csv`], apart from opening.
+/// Those of [`read_csv`], except for errors of opening the file.
 pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     read(source, file, &years.into())
 }
@@ -73,8 +73,8 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
     if separator == b' ' {
         lines.align();
     }
-    // Rows end at the line feed alone, so that a carriage return within a line does not split it. The crate's own
-    // trimming would copy every record; users of a field trim it instead.
+    // Rows end at the line feed alone, so that a carriage return within a line does not split it. Trimming in the crate would copy every record;
+    // fields are trimmed when they are used instead.
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -93,7 +93,7 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
             (names, line, is_closed)
         }
     };
-    // The first rows: units and a line of dashes, or stars.
+    // Read the first rows: they contain units and a line of dashes, or stars.
     let mut first_rows: Vec<(StringRecord, usize, bool)> = Vec::new();
     while first_rows.len() < FIRST_ROWS
         && let Some((line, is_closed)) = read_row(&mut reader, file, &mut record)?
@@ -159,7 +159,7 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
     rows.finish()
 }
 
-/// Reads the next row: its line, and whether its quotation marks are closed; `None` after the last.
+/// Reads the next row. Returns its line, and whether its quotation marks are closed; `None` after the last row.
 fn read_row<R: Read>(
     reader: &mut Reader<Lines<'_, R>>,
     file: &str,
@@ -183,28 +183,27 @@ fn read_row<R: Read>(
 
 /// Passes the rows of a file to the parser, one line at a time.
 ///
-/// A read never passes the end of a line, and every line ends in a line feed. So the parser has finished the row when
-/// it has consumed the line, unless it is inside quotation marks. Only then does it read again before
-/// [`Lines::end_row`] is called.
+/// A read never passes the end of a line, and every line ends in a line feed. Therefore the parser has finished the row when it has consumed the
+/// line, unless it is inside quotation marks. Only in that case does it read again before [`Lines::end_row`] is called.
 struct Lines<'f, R> {
     source: BufReader<R>,
     file: &'f str,
     /// Number of the last line read, from 1.
     number: usize,
-    /// The last line read, or the closing mark that replaces a missing one.
+    /// The last line read, or a quotation mark that is inserted because the closing one is missing.
     bytes: Vec<u8>,
     /// Number of `bytes` that the parser has consumed.
     taken: usize,
     /// Whether the parser is in the row that begins on this line.
     in_row: bool,
     is_closed: bool,
-    /// Comments before the first row, without their mark; at most [`COMMENTS_LIMIT`] bytes.
+    /// Comments before the first row, without their comment mark; at most [`COMMENTS_LIMIT`] bytes.
     comments: Vec<String>,
     comment_bytes: usize,
     has_row: bool,
     /// Whether several blanks are one separator.
     is_aligned: bool,
-    /// Tables after the first one, whose columns are others.
+    /// Number of tables after the first one; their columns may be different.
     further: usize,
 }
 
@@ -227,15 +226,15 @@ impl<'f, R: Read> Lines<'f, R> {
         }
     }
 
-    /// From now on, several blanks are one separator, also in the line that was read last.
+    /// Treats several blanks as one separator from now on, including in the line that was read last.
     fn align(&mut self) {
         self.is_aligned = true;
         self.bytes = with_single_blanks(&self.bytes);
         self.bytes.push(b'\n');
     }
 
-    /// The comment before the first row that is the head. It has as many fields as that row. Either it names the columns of a star catalogue and
-    /// the row does not, or it is the last comment, has no number, and the row has nothing else.
+    /// Returns the comment before the first row that is the head. The comment must have as many fields as the row. In addition, either it names the
+    /// columns of a star catalogue and the row does not, or it is the last comment and contains no numbers, while the row contains only numbers.
     fn head_in_comment(&self) -> Option<String> {
         let is_number = |field: &String| field.trim().parse::<f64>().is_ok() || with_point(field).is_some();
         let is_known = |fields: &[String]| Columns::recognise(fields, None).is_ok();
@@ -250,13 +249,14 @@ impl<'f, R: Read> Lines<'f, R> {
         last_first.into_iter().find(is_head).map(|(_, comment)| comment.trim().to_owned())
     }
 
-    /// Units of these columns in the comments of ECSV; empty for a column without one, `None` if it is not ECSV. A column is an item of a YAML list, in one
-    /// line such as `- {name: ra, unit: deg, datatype: float64}` (astropy) or in lines `-`, `name: ra`, `unit: deg` (bulk files of the Gaia archive).
+    /// Returns the units of these columns from the comments of ECSV. The unit is empty for a column without one; the result is `None` if the file is
+    /// not ECSV. A column is an item of a YAML list, either in one line such as `- {name: ra, unit: deg, datatype: float64}` (astropy) or in lines
+    /// `-`, `name: ra`, `unit: deg` (bulk files of the Gaia archive).
     fn units(&self, names: &[String]) -> Option<Vec<String>> {
         self.comments.first().filter(|first| first.trim_start().starts_with("%ECSV"))?;
         let mut items: Vec<[Option<String>; 2]> = Vec::new();
         for line in self.comments.iter().map(|line| line.trim()) {
-            // A rule of YAML documents is no item.
+            // A separator of YAML documents is not an item.
             let begin = line.strip_prefix('-').filter(|rest| !rest.starts_with('-'));
             if begin.is_some() {
                 items.push([None, None]);
@@ -370,7 +370,7 @@ fn split(line: &[u8], separator: u8) -> Vec<String> {
     }
 }
 
-/// A line in which every run of blanks outside of quotation marks is one blank, without blanks at both ends.
+/// Replaces every run of blanks outside of quotation marks with one blank, and removes blanks at both ends of the line.
 fn with_single_blanks(line: &[u8]) -> Vec<u8> {
     let mut single = Vec::with_capacity(line.len());
     let mut in_quotes = false;
@@ -386,18 +386,18 @@ fn with_single_blanks(line: &[u8]) -> Vec<u8> {
     single
 }
 
-/// Whether a line names the separator, as Excel writes it: `sep=;`.
+/// Whether a line defines the separator, as in `sep=;`, which Excel writes.
 fn is_separator_line(line: &[u8]) -> bool {
     line.len() == 5 && line[..4].eq_ignore_ascii_case(b"sep=")
 }
 
-/// Whether a comment begins a table of VizieR: `#Table`, a tab, and `I_239_tyc_main:`.
+/// Whether a comment begins a table of VizieR, as in `#Table`, a tab, and `I_239_tyc_main:`.
 fn is_begin_of_table(comment: &[u8]) -> bool {
     let Some((word, rest)) = comment.split_at_checked(5) else { return false };
     word.eq_ignore_ascii_case(b"table") && rest.first().is_some_and(|byte| b" \t:".contains(byte))
 }
 
-/// A number with a decimal comma, with a point instead; `None` for other text.
+/// Replaces the comma of a number with a decimal comma by a point; `None` for other text.
 fn with_point(field: &str) -> Option<String> {
     let is_plain = |c: char| c.is_ascii_digit() || ",+-eE".contains(c);
     let text = field.trim();
@@ -416,7 +416,7 @@ fn has_decimal_commas(rows: &[(StringRecord, usize, bool)]) -> bool {
     fields().any(|field| with_point(field).is_some()) && !fields().any(has_point)
 }
 
-/// The most frequent separator of the head; a blank if it has words between blanks; else a comma.
+/// Returns the most frequent separator in the head. If it has none, returns a blank if the head has blanks, otherwise a comma.
 fn separator_of(head: &[u8]) -> u8 {
     let head = head.trim_ascii();
     let count = |separator: u8| head.iter().filter(|&&c| c == separator).count();
@@ -458,7 +458,7 @@ mod tests {
         ] {
             assert_eq!(read(text).unwrap(), plain, "{text}");
         }
-        // A comma in a file with decimal points is an error.
+        // A decimal comma in a file with decimal points is an error.
         assert!(read("ra_deg;dec_deg;v_mag\n101,287;-16.716;-1.46\n").is_err());
     }
 

@@ -1,4 +1,4 @@
-//! Forms in which services and programs deliver tables: units, frames, heads, alignment, incomplete files.
+//! Tests of the forms in which services and programs deliver tables: units, frames, heads, alignment, incomplete files.
 
 use super::tests::direction;
 use super::*;
@@ -58,7 +58,7 @@ fn frames_of_votable_and_fits_are_believed_or_refused() {
     let moved = |head: &str| off_arcsec(&read(head).unwrap(), 269.4, 4.69);
     assert!(moved("<COOSYS ID=\"f\" system=\"ICRS\"/>") < 1e-6);
     assert!((moved("<COOSYS ID=\"f\" system=\"ICRS\" epoch=\"J1991.25\"/>") - 8.75 * 10.36).abs() < 0.01);
-    // The frame of another column does not matter, unless it is the only one.
+    // The frame of another column is ignored, unless it is the only one.
     let two =
         "<COOSYS ID=\"g\" system=\"eq_FK4\" equinox=\"B1950\"/><COOSYS ID=\"f\" system=\"eq_FK5\" equinox=\"J2000\"/>";
     assert!(moved(two) < 1e-6);
@@ -66,14 +66,14 @@ fn frames_of_votable_and_fits_are_believed_or_refused() {
         let error = read(head).unwrap_err().to_string();
         assert!(error.contains("must be in the ICRS"), "{error}");
     }
-    // A row may state its equinox too.
+    // A row may also state its equinox.
     let CatalogueRead { stars, report, .. } =
         csv("ra_deg,dec_deg,v_mag,equinox\n10,20,5,J2000\n11,20,5,B1950\n").unwrap();
     assert_eq!((stars.len(), report.rejected), (1, 1), "{report}");
     assert!(report.first_rejected[0].reason.contains("equinox = \"B1950\" is not J2000"), "{report}");
 }
 
-/// A table in degrees with `mag` and `dist` is not HYG, and a row that cannot be hours refutes HYG.
+/// A table in degrees with `mag` and `dist` is not HYG. If a row cannot be in hours, the file is not in the units of HYG.
 #[test]
 fn right_ascensions_are_not_multiplied_by_fifteen_on_weak_evidence() {
     let rows = "A,1.5,29.1,2.06,30\nB,9.8,56.5,2.24,70\n";
@@ -87,12 +87,12 @@ fn right_ascensions_are_not_multiplied_by_fifteen_on_weak_evidence() {
         assert!(off_arcsec(&read, 1.5, 29.1) < 1e-6, "{}", read.report);
         assert!(read.report.to_string().contains("right ascensions are in degrees"), "{}", read.report);
     }
-    // HYG itself, and a value that is neither.
+    // A file of HYG itself, and one with a value that is neither hours nor degrees.
     let read = csv("proper,ra,dec,mag,ci\nA,1.5,29.1,2.06,0.3\n").unwrap();
     assert!(off_arcsec(&read, 22.5, 29.1) < 1e-6, "{}", read.report);
     let read = csv("proper,ra,dec,mag,ci\nA,1.5,29.1,2.06,0.3\nB,123000.5,29.1,2.06,0.3\n").unwrap();
     assert!(read.report.first_rejected[0].reason.contains("outside -180 to 360 degrees"), "{}", read.report);
-    // A right ascension by name in hours.
+    // A right ascension that is in hours according to its name.
     assert!(off_arcsec(&csv("ra_hours,dec_deg,v_mag\n6.5,10,3\n").unwrap(), 97.5, 10.0) < 1e-6);
 }
 
@@ -114,7 +114,7 @@ fn units_of_all_columns_are_converted_or_refused() {
             "RAJ2000\tDEJ2000\tVmag\tpmRA\t{column}\ndeg\tdeg\tmag\tmas/yr\t{unit}\n---\t---\t---\t---\t---\n10\t20\t3\t0\t{value}\n"
         ))
     };
-    // The second half of a motion has a unit of its own.
+    // The second component of a motion has a separate unit.
     let later = |unit: &str| {
         let text = format!(
             "RAJ2000\tDEJ2000\tVmag\tpmRA\tpmDE\ndeg\tdeg\tmag\tmas/yr\t{unit}\n---\t---\t---\t---\t---\n10\t20\t3\t0\t-1.223\n"
@@ -161,7 +161,7 @@ fn aligned_text_and_commented_heads_are_read() {
         assert!((read.stars[0].apparent_magnitude() + 1.46).abs() < 1e-6, "{text}");
         assert_eq!(read.named().first().map(|star| star.name.as_ref()), name, "{text}");
     }
-    // The commas are decimal although the first rows have whole numbers.
+    // The commas are recognised as decimal although the first rows have whole numbers.
     let read = csv("ra_deg;dec_deg;v_mag\n101;-16;-1\n100;-10;2\n88,79;7,4;0,5\n").unwrap();
     assert_eq!((read.stars.len(), read.report.rejected), (3, 0), "{}", read.report);
     // A comment that only looks like a head does not replace one.
@@ -187,7 +187,7 @@ fn rows_of_dr2_and_their_numbers_are_those_of_dr2() {
     }
 }
 
-/// Tycho-2 has no mean position of some stars, but the observed one.
+/// For some stars Tycho-2 has no mean position, only the observed one.
 #[test]
 fn a_second_pair_of_columns_serves_where_the_first_is_empty() {
     let read = csv(
@@ -223,11 +223,11 @@ fn other_compressions_and_encodings_are_named() {
     }
 }
 
-/// Programs that write CSV lose the line of units: then those of the source count.
+/// Programs that write CSV drop the line of units: the units of the source apply then.
 #[test]
 fn files_without_units_have_those_of_their_source() {
     let in_2100 = |text: &str| read_csv_from(text.as_bytes(), "test.csv", 100.0).unwrap();
-    // The Bright Star Catalogue: arcseconds. Values of Sirius.
+    // The Bright Star Catalogue uses arcseconds. The values are those of Sirius.
     let bsc = "HR,Name,HD,RAJ2000,DEJ2000,Vmag,B-V,SpType,pmRA,pmDE,Parallax,RadVel\n\
                2491,9Alp CMa,48915,06 45 08.9,-16 42 58,-1.46,0.00,A1Vm,-0.553,-1.205,0.375,-8\n";
     let read = in_2100(bsc);
@@ -237,18 +237,18 @@ fn files_without_units_have_those_of_their_source() {
     let lspm = "LSPM,RAJ2000,DEJ2000,Vmag,pmRA,pmDE\nJ1757+0441,269.45,4.69,9.5,-0.8,10.3\n";
     let moved = off_arcsec(&in_2100(lspm), 269.45, 4.69);
     assert!((moved - 1033.0).abs() < 2.0, "{moved}");
-    // Another table with such numbers, in milliarcseconds, as its column `Plx` shows.
+    // Another table with HR numbers is in milliarcseconds, as its column `Plx` indicates.
     let other = bsc.replace("Parallax", "Plx").replace("0.375", "375").replace("-0.553,-1.205", "-553,-1205");
     let read = in_2100(&other);
     assert!((off_arcsec(&read, 101.287_083, -16.716_111) - 132.6).abs() < 0.3, "{}", read.report);
-    // Seconds of time are no angles.
+    // Seconds of time are not angles.
     let fk5 = "FK5,RAJ2000,DEJ2000,Vmag,pmRA,pmDE\n257,101.287,-16.716,-1.46,-3.847,-120.53\n";
     let read = in_2100(fk5);
     assert!(read.report.unused.iter().any(|unused| unused.contains("seconds of time")), "{}", read.report);
     assert!(off_arcsec(&read, 101.287, -16.716) < 0.01);
 }
 
-/// I/239 gives `RAhms` and `DEdms` at J1991.25, in its second table too.
+/// Both tables of I/239 give `RAhms` and `DEdms` at J1991.25.
 #[test]
 fn positions_of_hipparcos_and_tycho_1_are_those_of_1991() {
     for (number, id) in [("HIP", "87937"), ("TYC", "425 2502 1")] {
@@ -273,7 +273,7 @@ fn a_distance_without_a_unit_does_not_replace_a_parallax() {
         assert!((found_pc / distance_pc - 1.0).abs() < 1e-3, "{text}: {found_pc}");
         assert_eq!(read.report.unused.iter().any(|unused| unused.contains(reason)), !reason.is_empty(), "{text}");
     }
-    // A file that says that the column is an angle.
+    // The file states that the column is an angle.
     let fields = "<FIELD name='ra' unit='deg' datatype='double'/><FIELD name='dec' unit='deg' datatype='double'/>\
                   <FIELD name='dist' unit='deg' datatype='double'/>";
     let text = votable("", fields, "<TD>10</TD><TD>20</TD><TD>0.3</TD>");
@@ -293,7 +293,7 @@ fn a_second_table_of_vizier_is_not_read_with_the_first_head() {
     assert_eq!((read.stars.len(), read.report.rejected), (1, 0), "{}", read.report);
     assert!(read.report.to_string().contains("tables of the file that are not read: 1"), "{}", read.report);
     assert!(!csv(&first).unwrap().report.to_string().contains("not read"));
-    // A comment with another word is none.
+    // A comment that begins with another word does not begin a table.
     assert_eq!(csv(&format!("{first}#Tables end here\n11\t21\t4\n")).unwrap().stars.len(), 2);
 }
 

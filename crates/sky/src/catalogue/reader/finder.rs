@@ -1,11 +1,11 @@
-//! Finds the columns of a file by their names, with the conversions from their units, and lists those that nothing reads.
+//! Finds the columns of a file by their names, with the conversions from their units, and lists those that are not read.
 
 use super::units::{Conversion, Quantity, direction_unit};
 
-/// Column that only answers of SIMBAD have. In these, `v` is the magnitude V, and a decimal `ra` is in degrees.
+/// Column that exists only in answers of SIMBAD. In these answers, `v` is the magnitude V, and a decimal `ra` is in degrees.
 pub(super) const SIMBAD: &str = "main_id";
 
-/// Beginnings of names of columns that drawing could use: those that are not read are reported.
+/// Beginnings of the names of columns that the renderer could use. If such a column is not read, it is reported.
 const USEFUL: [&str; 19] = [
     "pm",
     "mu_",
@@ -27,7 +27,7 @@ const USEFUL: [&str; 19] = [
     "v_mag",
     "gmag",
 ];
-/// Parts of names of columns that hold no value of a star itself, such as errors and flags.
+/// Parts of the names of columns that do not hold a value of the star itself, such as errors and flags.
 const AUXILIARY: [&str; 22] = [
     "_error",
     "_err",
@@ -48,7 +48,7 @@ const AUXILIARY: [&str; 22] = [
     "_gof",
     "_pvalue",
     "_atm_param",
-    // Of the archive's radial velocities.
+    // Columns about the archive's radial velocities.
     "_amplitude",
     "_duration",
     "_template",
@@ -73,7 +73,7 @@ impl Finder<'_> {
         self.units.get(column).map(String::as_str).filter(|unit| !unit.is_empty())
     }
 
-    /// The first of these columns that exists; an error if it exists twice.
+    /// Returns the first of these columns that exists; an error if it exists twice.
     pub(super) fn find(&mut self, candidates: &[&str]) -> Result<Option<usize>, String> {
         for candidate in candidates {
             let mut matches =
@@ -94,7 +94,7 @@ impl Finder<'_> {
         self.quantity_in(quantity, None, candidates)
     }
 
-    /// The same; `unstated` is the unit of the source in a file without units.
+    /// The same. `unstated` is the unit that the source uses if the file states none.
     pub(super) fn quantity_in(
         &mut self,
         quantity: Quantity,
@@ -117,7 +117,8 @@ impl Finder<'_> {
             .is_some_and(|unit| Quantity::Parallax.conversion(unit).is_ok() || direction_unit(unit).is_some())
     }
 
-    /// A distance in these columns. One that is an angle, or that has no unit beside a parallax, is not read: `unused` gets it with the reason.
+    /// Returns a distance in these columns. A column that is an angle, or has no unit in a file with parallaxes, is not read; it is added to `unused`
+    /// with the reason.
     pub(super) fn distance(
         &mut self,
         candidates: &[&str],
@@ -153,7 +154,7 @@ impl Finder<'_> {
         })
     }
 
-    /// Columns that drawing could use and that no role has taken.
+    /// Returns the columns that the renderer could use but that are not read.
     pub(super) fn left(&self) -> impl Iterator<Item = String> {
         let is_useful = |name: &str| {
             let is_error = name.starts_with("e_");

@@ -13,7 +13,7 @@ use super::table::{Head, Table};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 use crate::fits::Header;
 
-/// Most bytes of a row. Tables stored column by column have a single row with everything.
+/// Maximum number of bytes in a row. Tables stored column by column have all data in a single row.
 const MOST_ROW_BYTES: usize = 1 << 24;
 
 /// A column that is read.
@@ -30,7 +30,7 @@ struct Column {
 }
 
 impl Column {
-    /// The value in a row as text; empty if there is none.
+    /// Returns the value in a row as text; empty if there is none.
     fn text(&self, row: &[u8]) -> String {
         let bytes = &row[self.start..self.start + self.bytes];
         let Some(scalar) = self.scalar else {
@@ -40,7 +40,7 @@ impl Column {
         let is_scaled = self.scale != 1.0 || self.zero != 0.0;
         match scalar.integer(bytes) {
             Some(value) if Some(value) == self.null => String::new(),
-            // Unsigned numbers are stored with an offset; numbers of Gaia do not fit in an f64.
+            // Unsigned numbers are stored with an offset. They are computed as integers, because numbers of Gaia exceed the precision of an f64.
             Some(value) if self.scale == 1.0 && self.zero.fract() == 0.0 && self.zero.abs() < 2e19 => {
                 (i128::from(value) + self.zero as i128).to_string()
             }
@@ -78,7 +78,8 @@ pub(super) fn read(mut source: impl Read, file: &str, reading: &Reading) -> Resu
             match Table::new(file, &head, reading) {
                 Ok(mut table) => {
                     if !left_out.is_empty() {
-                        table.note(format!("columns that hold no single number or text: {}", left_out.join(", ")));
+                        table
+                            .note(format!("columns that do not hold a single number or text: {}", left_out.join(", ")));
                     }
                     return rows(&mut source, &header, &columns, table, file);
                 }
@@ -103,7 +104,7 @@ pub(super) fn read(mut source: impl Read, file: &str, reading: &Reading) -> Resu
     }))
 }
 
-/// Frame of reference that a header states (FITS Standard 4.0, 8.3). `EPOCH` is the old name of the equinox.
+/// Returns the frame of reference that a header states (FITS Standard 4.0, 8.3). `EPOCH` is the old name of the equinox.
 fn frame(header: &Header) -> Frame {
     let text = |names: &[&str]| {
         let value = names.iter().find_map(|name| header.0.get(*name));
@@ -112,19 +113,19 @@ fn frame(header: &Header) -> Frame {
     Frame { system: text(&["RADESYS", "RADECSYS"]), equinox: text(&["EQUINOX", "EPOCH"]), epoch: String::new() }
 }
 
-/// The same error with the columns that hold no single value.
+/// Adds the columns that do not hold a single value to the error.
 fn with_left_out(error: CatalogueError, left_out: &[String]) -> CatalogueError {
     match error {
         CatalogueError::Columns { file, place, reason, found } if !left_out.is_empty() => {
             let found =
-                format!("{found}; not read, because they hold no single number or text: {}", left_out.join(", "));
+                format!("{found}; not read, because they do not hold a single number or text: {}", left_out.join(", "));
             CatalogueError::Columns { file, place, reason, found }
         }
         error => error,
     }
 }
 
-/// The columns that are read with their head, and the names of the others.
+/// Returns the head of the columns that are read, these columns, and the names of the other columns.
 fn head(header: &Header) -> Result<(Head, Vec<Column>, Vec<String>), String> {
     if header.0.get("ZTABLE").is_some_and(|value| value == "T") {
         return Err("the table is compressed as a tiled table (ZTABLE); write it uncompressed or as .fits.gz".into());
@@ -204,7 +205,7 @@ fn rows(
     let malformed = |place, reason: String| CatalogueError::Malformed { file: file.to_owned(), place, reason };
     let axes = header.axes().map_err(|reason| malformed(RowPlace::Head, reason))?;
     let [row_bytes, count] = axes[..] else {
-        return Err(malformed(RowPlace::Head, format!("a table has two axes, this one has {}", axes.len())));
+        return Err(malformed(RowPlace::Head, format!("a table must have two axes, but this one has {}", axes.len())));
     };
     if row_bytes > MOST_ROW_BYTES {
         return Err(malformed(

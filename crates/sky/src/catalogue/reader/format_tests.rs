@@ -25,7 +25,7 @@ fn every_format_gives_the_stars_of_csv() {
         "gaia_gzip.parquet",
         "gaia_zstd.parquet",
     ] {
-        // The name of the compressed copy shows neither format.
+        // The name of the compressed copy does not indicate either format.
         let copy = folder.path().join("stars.csv");
         std::fs::write(&copy, zipped(&std::fs::read(path(name)).unwrap())).unwrap();
         for file in [path(name), copy] {
@@ -86,7 +86,7 @@ fn votables_are_read_with_prefixes_nulls_and_entities() {
     }
 }
 
-/// Columns with names of one's own, which the UCDs explain; right ascension in radians.
+/// Columns with custom names, which the UCDs explain; right ascension in radians.
 #[test]
 fn ucds_and_units_explain_columns_with_unknown_names() {
     let row = "<DATA><TABLEDATA><TR><TD>1.5</TD><TD>0.5</TD><TD>50</TD><TD>2</TD><TD>9</TD></TR></TABLEDATA></DATA>";
@@ -110,7 +110,7 @@ fn ucds_and_units_explain_columns_with_unknown_names() {
     }
     for ([ra, dec, parallax], part) in [
         (["gon", "deg", "mas"], "ra_deg is in gon"),
-        (["rad", "deg", "mas"], "dec_deg is in deg, but the right ascension in radians"),
+        (["rad", "deg", "mas"], "dec_deg is in deg, but the right ascension is in radians"),
         (["deg", "rad", "mas"], "dec_deg is in rad; it must be in degrees"),
         (["deg", "deg", "pc"], "parallax_mas is in pc"),
     ] {
@@ -141,7 +141,7 @@ fn votables_that_cannot_be_read_say_why() {
         (table("<BINARY><STREAM encoding='base64'>AAAA</STREAM></BINARY>"), "end within a row"),
         (table("<FITS><STREAM href='x.fits'/></FITS>"), "TABLEDATA, BINARY or BINARY2"),
         (table("<TABLEDATA><TR><TD>&unknown;</TD></TR></TABLEDATA>"), "entity"),
-        (table("").replace("unit='deg'", "unit='deg' arraysize='x'"), "is no size"),
+        (table("").replace("unit='deg'", "unit='deg' arraysize='x'"), "is not a size"),
         (
             "<VOTABLE><TABLE><FIELD name='a' datatype='int'/><DATA><TABLEDATA/></DATA></TABLE></VOTABLE>".to_owned(),
             "no direction; columns found: a",
@@ -229,7 +229,7 @@ fn scaled_unsigned_and_missing_values_of_fits_are_read() {
     assert!((stars[1].position - direction(0.0, 5.0)).length() < 1e-12);
     assert!((stars[0].temperature_k - 5772.0).abs() < 200.0, "B-V 0.65: {}", stars[0].temperature_k);
     assert_eq!((named.len(), named[0].name.as_ref()), (1, "Alpha"));
-    // Unsigned numbers beyond the precision of an f64 are kept: such a file with the columns of Gaia.
+    // Unsigned numbers beyond the precision of an f64 are kept. The test file has such numbers, in the columns of Gaia.
     let mut gaia = fits_file(&[]);
     for (from, to) in [("'ra_deg'", "'ra'    "), ("'dec_deg'", "'dec'    "), ("'v_mag'", "'gmag' ")] {
         let place = gaia.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();

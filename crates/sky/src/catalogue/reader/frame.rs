@@ -1,6 +1,6 @@
-//! Frames of reference that files state for their positions: the system, its equinox and the epoch.
+//! Frames of reference that files state for their positions: system, equinox and epoch.
 
-/// A frame as a file states it; parts that it does not state are empty.
+/// A frame as stated in a file; parts that the file does not state are empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Frame {
     /// `ICRS`, `eq_FK5` (VOTable), `FK5` (FITS) and the like.
@@ -12,10 +12,10 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Epoch of the positions, Julian years, if the frame states it.
+    /// Returns the epoch of the positions, Julian years, if the frame states it.
     ///
     /// # Errors
-    /// If positions are in another frame than the ICRS or the FK5 of the equinox J2000, or if the epoch is no year. These two frames agree to
+    /// If positions are in another frame than the ICRS or the FK5 of the equinox J2000, or if the epoch is not a year. These two frames agree to
     /// 0.03 arcseconds.
     pub fn epoch(&self) -> Result<Option<f64>, String> {
         let system = self.system.to_lowercase();

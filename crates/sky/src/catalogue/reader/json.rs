@@ -1,5 +1,5 @@
-//! JSON catalogues. The keys of an object are the column names of CSV, the values are numbers or strings; a missing key is a missing value. The
-//! whole file is held in memory. Forms:
+//! JSON catalogues. The keys of an object are the column names as in CSV, and the values are numbers or strings. A missing key is a missing value.
+//! The whole file is held in memory. Forms:
 //!
 //! - an array of objects, or an object whose `stars` or `data` is such an array (pandas: `records`, `table`);
 //! - an object with `metadata` or `columns`, which name the columns, and `data`, a list of rows (Gaia archive; pandas: `split`);
@@ -16,11 +16,11 @@ use super::columns::{self, Columns};
 use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
-/// Largest document, bytes: it is held in memory and needs several times as much there.
+/// Maximum size of a document, bytes. The document is held in memory, where it needs several times this size.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// Valid documents, for messages.
-const FORMS: &str = "must be an array of stars, an object whose \"stars\" or \"data\" is one, an object of columns of one length, or an object in each line";
+const FORMS: &str = "must be an array of stars, an object whose \"stars\" or \"data\" is such an array, an object of columns of equal length, or one object on each line";
 
 /// Reads a JSON catalogue from a file; stars are placed `years` Julian years after J2000.0.
 ///
@@ -42,7 +42,7 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
 /// The same, with a receiver of the stars.
 pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let mut bytes = Vec::new();
-    // One byte more than the limit shows that the document exceeds it.
+    // Read one byte more than the limit to detect that the document exceeds it.
     let mut source = source.take(MOST_BYTES + 1);
     source.read_to_end(&mut bytes).map_err(|source| CatalogueError::Io {
         file: file.to_owned(),
@@ -99,14 +99,14 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
 /// The stars of a document as objects.
 struct Document {
     entries: Vec<Value>,
-    /// Line of each entry, from 1; empty if entries are not together in the text.
+    /// Line of each entry, from 1; empty if the values of an entry are not contiguous in the text.
     lines: Vec<usize>,
-    /// Units of columns that the document gives.
+    /// Units of the columns for which the document gives them.
     units: BTreeMap<String, String>,
 }
 
 impl Document {
-    /// Parses a document in any of the forms. The error has its line.
+    /// Parses a document in any of the forms. The error contains the line.
     fn parse(text: &[u8]) -> Result<Self, (usize, String)> {
         let not_json = |error: serde_json::Error| (error.line(), format!("not JSON: {error}"));
         let error = match serde_json::from_slice(text) {
@@ -163,7 +163,7 @@ impl Document {
     }
 }
 
-/// Names of the columns of a list of lists, and their units: `metadata` of the Gaia archive has both, `columns` of pandas the names.
+/// Returns the names of the columns of a list of lists, and their units. `metadata` of the Gaia archive has both, `columns` of pandas only the names.
 fn named_columns(document: &Map<String, Value>) -> (Vec<String>, BTreeMap<String, String>) {
     let (mut names, mut units) = (Vec::new(), BTreeMap::new());
     let columns = ["metadata", "columns", "fields"].into_iter().find_map(|key| document.get(key)?.as_array());
@@ -176,7 +176,8 @@ fn named_columns(document: &Map<String, Value>) -> (Vec<String>, BTreeMap<String
     (names, units)
 }
 
-/// Objects of a document whose keys are columns, each a list, or an object by row. `None`: the columns have another form or different lengths.
+/// Converts a document whose keys are columns to a list of objects. Each column is a list, or an object by row. Returns `None` if the columns have
+/// another form or different lengths.
 fn by_columns(document: Map<String, Value>) -> Option<Vec<Value>> {
     let mut entries: Vec<Map<String, Value>> = Vec::new();
     let mut first_rows: Vec<String> = Vec::new();
@@ -200,7 +201,7 @@ fn by_columns(document: Map<String, Value>) -> Option<Vec<Value>> {
     (!entries.is_empty()).then(|| entries.into_iter().map(Value::Object).collect())
 }
 
-/// The same text with `null` for NaN and infinities outside of strings; `None` if there is none.
+/// Replaces NaN and infinities outside of strings with `null`; returns `None` if there are none.
 fn with_nulls(text: &[u8]) -> Option<Vec<u8>> {
     let mut replaced = Vec::with_capacity(text.len());
     let (mut position, mut in_string, mut has_any) = (0, false, false);
@@ -214,7 +215,7 @@ fn with_nulls(text: &[u8]) -> Option<Vec<u8>> {
             has_any = true;
             continue;
         }
-        // A mark after a backslash does not end a string.
+        // A quotation mark after a backslash does not end a string.
         let count = if in_string && rest[0] == b'\\' { 2.min(rest.len()) } else { 1 };
         in_string ^= rest[0] == b'"';
         replaced.extend_from_slice(&rest[..count]);
@@ -223,8 +224,8 @@ fn with_nulls(text: &[u8]) -> Option<Vec<u8>> {
     has_any.then_some(replaced)
 }
 
-/// Writes the values of `entry` as text into `fields`, by column. `filled` lists the columns that the previous entry
-/// has filled. Only those are cleared, because there may be far more columns if every entry has different keys.
+/// Writes the values of `entry` as text into `fields`, by column. `filled` lists the columns that the previous entry filled. Only these are cleared,
+/// because there may be far more columns if every entry has different keys.
 fn fill(
     entry: &Value,
     column_of_key: &BTreeMap<&str, usize>,
@@ -240,7 +241,7 @@ fn fill(
         match value {
             Value::Null => {}
             Value::String(text) => field.push_str(text),
-            // Containers and booleans are not numbers either; if they are used, the message shows their text.
+            // Containers and booleans are invalid values; if their column is used, the message shows their text.
             other => field.push_str(&other.to_string()),
         }
     }
@@ -309,7 +310,7 @@ mod tests {
         assert!(entry_lines(b"[]", None).is_empty());
     }
 
-    /// The forms of the Gaia archive, of pandas (`orient`), of Python's `json` and NDJSON, against an array of objects.
+    /// Compares the forms of the Gaia archive, of pandas (`orient`), of Python's `json` and of NDJSON with an array of objects.
     #[test]
     fn every_form_gives_the_same_stars() {
         let read = |text: &str| read_json_from(text.as_bytes(), "test.json", 0.0);
@@ -338,7 +339,7 @@ mod tests {
             assert_eq!(found.stars, plain.stars, "{text}");
         }
         for (text, part) in [
-            (r#"{"ra":[1,2],"dec":[1],"v_mag":[1,2]}"#, "columns of one length"),
+            (r#"{"ra":[1,2],"dec":[1],"v_mag":[1,2]}"#, "columns of equal length"),
             ("{\"ra\":1}\n5\n", "not JSON"),
             ("[{\"ra\":\"NaN\",]", "not JSON"),
             ("7", "must be an array"),

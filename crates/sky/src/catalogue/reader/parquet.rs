@@ -1,6 +1,6 @@
-//! Star catalogues in Apache Parquet: columns of the first level with one number or text, read group by group of rows.
+//! Star catalogues in Apache Parquet: columns of the first level with one number or text each. The file is read one row group at a time.
 //!
-//! Compression: none, snappy, gzip or zstd. Parquet states no units, so names decide as in CSV.
+//! The compression may be none, snappy, gzip or zstd. Parquet does not state units; they follow from the names as in CSV.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -19,12 +19,12 @@ use super::{CatalogueError, CatalogueRead, RowPlace};
 /// Reads a catalogue in Parquet that is in memory; messages call it `file`. Stars are placed `years` Julian years after J2000.0.
 ///
 /// # Errors
-/// If the bytes are damaged or compressed in another way, if the columns are not those of a star catalogue, or if no row is usable.
+/// If the bytes are damaged, if they use an unsupported compression, if the columns are not those of a star catalogue, or if no row is usable.
 pub fn read_parquet_from(bytes: Vec<u8>, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     read(Bytes::from(bytes), file, &years.into())
 }
 
-/// Reads a catalogue in Parquet from an open file or from bytes. The crate panics on some damaged files; such a panic is an error here.
+/// Reads a catalogue in Parquet from an open file or from bytes. The crate panics on some damaged files; such a panic is converted to an error.
 pub(super) fn read(
     source: impl ChunkReader + 'static,
     file: &str,
@@ -59,7 +59,7 @@ fn read_whole(
     let mut table = Table::new(file, &head, reading)?;
     if !nested.is_empty() {
         let names: Vec<String> = nested.iter().map(|field| super::excerpt(field.name())).collect();
-        table.note(format!("columns that hold no single number or text: {}", names.join(", ")));
+        table.note(format!("columns that do not hold a single number or text: {}", names.join(", ")));
     }
     for column in metadata.row_groups().iter().flat_map(|group| group.columns()) {
         let is_read = column.column_path().parts().len() == 1;
@@ -67,7 +67,10 @@ fn read_whole(
         let offsets =
             [column.data_page_offset(), column.dictionary_page_offset().unwrap_or(0), column.compressed_size()];
         if offsets.iter().any(|offset| *offset < 0) {
-            return Err(malformed(RowPlace::Head, "not Parquet: a column begins or ends before the file".to_owned()));
+            return Err(malformed(
+                RowPlace::Head,
+                "not Parquet: a column begins or ends before the start of the file".to_owned(),
+            ));
         }
         if is_read && !is_known(compression) {
             let reason = format!(
@@ -96,7 +99,7 @@ const fn is_known(compression: Compression) -> bool {
     matches!(compression, Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_) | Compression::ZSTD(_))
 }
 
-/// A value as text that parses to the same number; empty if it is null.
+/// Returns a value as text that parses to the same number; empty if the value is null.
 fn text(field: &Field) -> String {
     match field {
         Field::Null => String::new(),

@@ -19,40 +19,39 @@ use crate::photometry::colour_index::{
 };
 use crate::units::{SOLAR_TEMPERATURE_K, illuminance_lx_from_magnitude};
 
-/// Plausible magnitudes, from a nearby supernova to far below any survey.
+/// Plausible magnitudes, from a nearby supernova to stars far too faint for any survey.
 const MAGNITUDE_RANGE: RangeInclusive<f64> = -40.0..=60.0;
 
 /// Magnitudes at least this far from 0 mark a missing value, such as 99.999 or -99.9.
 const MISSING_MAGNITUDE: f64 = 90.0;
 
-/// Plausible colour indices, magnitudes: B-V and BP-RP from the hottest stars to the reddest carbon stars. Others mark a missing value, such
-/// as 9.999, 99.999 or -9999.
+/// Plausible colour indices, magnitudes: B-V and BP-RP from the hottest stars to the reddest carbon stars. Other values mark a missing value, such as
+/// 9.999, 99.999 or -9999.
 const COLOUR_RANGE: RangeInclusive<f64> = -1.5..=8.5;
 
 /// A star nearer than this, pc (200 astronomical units), with about the Sun's absolute magnitude is the Sun.
 const SUN_WITHIN_PC: f64 = 1e-3;
-/// The Sun's absolute magnitude (Willmer 2018), and the largest difference of catalogues.
+/// The Sun's absolute magnitude (Willmer 2018), and the largest difference from it in catalogues.
 const SUN_ABSOLUTE_MAG: f64 = 4.81;
 const SUN_TOLERANCE_MAG: f64 = 0.5;
 
 /// Apparent magnitudes of the Sun in catalogues without distances.
 const SUN_APPARENT_MAG: RangeInclusive<f64> = -28.0..=-25.0;
-/// No star looks brighter, apparent V: that of Sirius less its error.
+/// Bright limit of a star's apparent V magnitude: that of Sirius minus its error.
 const BRIGHTEST_STAR_MAG: f64 = -1.6;
 
 /// Range of a star's temperature, kelvin.
 const TEMPERATURE_RANGE_K: (f64, f64) = (500.0, 100_000.0);
 
-/// Distances from this one on, pc, count as unknown: a parallax of a hundred-thousandth of a milliarcsecond.
+/// This distance and larger ones, pc, count as unknown. It corresponds to a parallax of a hundred-thousandth of a milliarcsecond.
 const IMMEASURABLE_PC: f64 = 1e8;
 
-/// Smallest distance of a star in parsecs, 0.2 astronomical units. HYG puts the Sun at 5e-6 pc; nothing nearer is
-/// meant as the position of a star.
+/// Smallest distance of a star in parsecs, 0.2 astronomical units. HYG puts the Sun at 5e-6 pc; nearer values are not positions of stars.
 const NEAREST_PC: f64 = 1e-6;
-/// No star but the Sun is nearer.
+/// No star other than the Sun is nearer.
 const NO_STAR_WITHIN_PC: f64 = 1.0;
 
-/// Largest proper motion, mas a year (the largest known is 10,400), and radial velocity, km/s.
+/// Largest accepted proper motion, mas a year (the largest known one is 10,400), and radial velocity, km/s.
 const MOST_MAS_YR: f64 = 1e5;
 const MOST_KM_S: f64 = 1e5;
 
@@ -65,20 +64,20 @@ pub(super) struct Notes {
     pub without_distance: bool,
     /// Whether the star is nearer than any known one.
     pub very_near: bool,
-    /// Whether it looks brighter than any star.
+    /// Whether it is apparently brighter than any real star.
     pub very_bright: bool,
     pub without_colour: bool,
     pub temperature_clamped: bool,
     pub colour_ignored: bool,
-    /// Whether a proper motion or the radial velocity is a mark for a missing value.
+    /// Whether a proper motion or the radial velocity marks a missing value.
     pub motion_ignored: bool,
     pub g_taken_as_v: bool,
     pub hp_taken_as_v: bool,
     /// Velocity of the star, as in [`StarVelocity`](super::super::motion::StarVelocity); `None` if it has none.
     pub velocity: Option<[f32; 3]>,
-    /// The measured parallax, if its error decides whether it can be used.
+    /// The measured parallax, if the file has a column of errors, which decide whether the parallax can be used.
     pub parallax: Option<MeasuredParallax>,
-    /// The source that the row itself names, if it is not that of the columns.
+    /// The source that the row itself names, if it differs from that of the columns.
     pub source: Option<Source>,
 }
 
@@ -98,16 +97,16 @@ pub(super) enum Refusal {
     Row(Reason),
     /// The right ascension may be in hours or in degrees; another row may decide.
     HoursOrDegrees(String),
-    /// The right ascension cannot be in hours, although its column may be; `refutes`: its source has hours.
+    /// The right ascension cannot be in hours, although its column might be. `refutes` is true if the recognised source uses hours.
     Degrees { reason: String, refutes: bool },
 }
 
 /// Reason why a row is unusable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Reason {
-    /// With the values of the row.
+    /// The reason, with the values of the row.
     pub text: String,
-    /// Without them: the same for all rows with this problem.
+    /// The reason without values: it is the same for all rows with this problem.
     pub kind: String,
 }
 
@@ -124,14 +123,14 @@ impl Refusal {
         Self::Row(reason.into())
     }
 
-    /// Refusal of a row with a text that has values, and the kind of the problem.
+    /// Refusal of a row with a text that contains values, and with the kind of the problem.
     fn of_kind(kind: &str, text: String) -> Self {
         Self::Row(Reason { text, kind: kind.to_owned() })
     }
 }
 
-/// Converts one row to a star, placed `years` Julian years after J2000.0. `field(i)` is the text of column i; an
-/// empty text and the usual marks for "no value" count as a missing column.
+/// Converts one row to a star at its position `years` Julian years after J2000.0. `field(i)` is the text of column i; an empty text and the usual
+/// marks for "no value" count as a missing column.
 pub(super) fn star<'a>(
     columns: &Columns,
     field: impl Fn(usize) -> &'a str,
@@ -145,7 +144,7 @@ pub(super) fn star<'a>(
     let b_v = row.b_v(&mut notes)?.or(tycho.and_then(|[_, b_v]| b_v));
     let temperature_k = row.temperature_k(bp_rp, b_v, &mut notes)?;
 
-    // Apparent V magnitude: catalogued, else from that of another photometric system.
+    // Apparent V magnitude: the catalogued one or, if it is missing, computed from another photometric system.
     let mut apparent = row.magnitude(columns.v_mag)?.or(tycho.and_then(|[v, _]| v));
     if apparent.is_none()
         && let Some(g) = row.magnitude(columns.g_mag)?
@@ -169,7 +168,7 @@ pub(super) fn star<'a>(
             let given = [columns.v_mag, columns.g_mag, columns.hp_mag].into_iter().find_map(|column| row.text(column));
             return Err(given.map_or_else(
                 || Refusal::row("no brightness"),
-                |(column, text)| row.refuse(column, text, "is no magnitude: no brightness"),
+                |(column, text)| row.refuse(column, text, "is not a magnitude: no brightness"),
             ));
         }
     };
@@ -190,7 +189,7 @@ pub(super) fn star<'a>(
             ),
         ));
     }
-    // As the renderer stores it, from the rounded magnitude; a star at infinity is treated as if at 1 pc.
+    // Compute the illuminance as the renderer stores it, from the rounded magnitude. A star at infinity is treated as if it were at 1 pc.
     let magnitude_at_1_pc = f64::from(magnitude as f32) - if distance_pc.is_some() { 5.0 } else { 0.0 };
     let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
     if !ILLUMINANCE_RANGE_LX.contains(&illuminance_lx) {
@@ -205,7 +204,7 @@ pub(super) fn star<'a>(
             }
             None => Refusal::of_kind(
                 "the magnitude is outside the range that can be stored",
-                format!("V = {apparent_mag}: {stored}; a star without distance counts as if it were at 1 pc"),
+                format!("V = {apparent_mag}: {stored}; a star without distance is treated as if it were at 1 pc"),
             ),
         });
     }
@@ -229,7 +228,7 @@ struct Row<'c, F> {
 }
 
 impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
-    /// Text of a column, `None` if there is no value.
+    /// Text of a column, `None` without a value.
     fn text(&self, column: Option<usize>) -> Option<(usize, &'a str)> {
         let column = column?;
         let text = (self.field)(column).trim();
@@ -242,7 +241,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         self.refuse_as(column, text, problem, problem)
     }
 
-    /// The same with a problem that has values of the row; `kind` has none.
+    /// The same, if `problem` contains values of the row; `kind` must not contain any.
     fn refuse_as(&self, column: usize, text: &str, problem: &str, kind: &str) -> Refusal {
         let name = self.columns.name(column);
         Refusal::of_kind(&format!("{name} {kind}"), format!("{name} = \"{}\" {problem}", excerpt(text)))
@@ -258,7 +257,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         }
     }
 
-    /// Number in a column; `None` also for nines that `is_impossible`, which mark a missing value.
+    /// Number in a column; `None` also if the number consists of nines and `is_impossible`, because it then marks a missing value.
     fn unmarked(&self, column: Option<usize>, is_impossible: impl Fn(f64) -> bool) -> Result<Option<f64>, Refusal> {
         match (self.number(column)?, self.text(column)) {
             (Some(value), Some((_, text))) if is_impossible(value) && is_nines(text) => Ok(None),
@@ -293,7 +292,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         }
     }
 
-    /// A colour index; one outside [`COLOUR_RANGE`] is noted and counts as missing.
+    /// A colour index. A value outside [`COLOUR_RANGE`] counts as missing, which is noted in `notes`.
     fn colour(&self, column: Option<usize>, notes: &mut Notes) -> Result<Option<f64>, Refusal> {
         let value = self.finite(column)?;
         let plausible = value.filter(|value| COLOUR_RANGE.contains(value));
@@ -301,7 +300,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         Ok(plausible)
     }
 
-    /// B-V, catalogued or from both magnitudes.
+    /// B-V: the catalogued one, or the difference of both magnitudes.
     fn b_v(&self, notes: &mut Notes) -> Result<Option<f64>, Refusal> {
         if let Some(colour) = self.colour(self.columns.b_v, notes)? {
             return Ok(Some(colour));
@@ -311,7 +310,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         Ok(b.zip(v).map(|(b, v)| b - v).filter(|colour| COLOUR_RANGE.contains(colour)))
     }
 
-    /// The source that the row's designation names: tables of DR2 and DR3 may have the same columns.
+    /// The source that the row's designation names. It is needed because tables of DR2 and DR3 may have the same columns.
     fn named_source(&self) -> Option<Source> {
         if self.columns.source != Source::Gaia {
             return None;
@@ -320,7 +319,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         designation.get(..9).filter(|release| release.eq_ignore_ascii_case("gaia dr2 ")).map(|_| Source::Gaia2)
     }
 
-    /// BP-RP, catalogued or from both magnitudes.
+    /// BP-RP: the catalogued one, or the difference of both magnitudes.
     fn bp_rp(&self, notes: &mut Notes) -> Result<Option<f64>, Refusal> {
         if let Some(colour) = self.colour(self.columns.bp_rp, notes)? {
             return Ok(Some(colour));
@@ -330,7 +329,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         Ok(bp.zip(rp).map(|(bp, rp)| bp - rp).filter(|colour| COLOUR_RANGE.contains(colour)))
     }
 
-    /// V and B-V of Johnson from the magnitudes of Tycho: V alone from VT alone.
+    /// Johnson V and B-V from the Tycho magnitudes; VT alone gives only V.
     fn tycho(&self) -> Result<Option<[Option<f64>; 2]>, Refusal> {
         let Some([bt, vt]) = self.columns.tycho_mag else { return Ok(None) };
         let (bt, vt) = (self.magnitude(Some(bt))?, self.magnitude(Some(vt))?);
@@ -378,7 +377,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
                 (position / distance_pc, Some(distance_pc))
             }
         };
-        // HYG's placeholder has few digits, so the length of its vector may be slightly below it.
+        // The x, y and z of HYG have few digits, so that their length may be slightly below the distance that means "unknown".
         let unknown_from_pc = IMMEASURABLE_PC.min(self.columns.unknown_from_pc * (1.0 - 1e-6));
         Ok((direction, distance_pc.filter(|&d| d < unknown_from_pc)))
     }
@@ -390,11 +389,11 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             };
             sexagesimal::parse(text)
                 .map(|angle| (angle, text))
-                .map_err(|problem| self.refuse_as(column, text, &problem, "is no angle"))
+                .map_err(|problem| self.refuse_as(column, text, &problem, "is not an angle"))
         };
         let (ra_angle, ra_text) = angle(ra)?;
         let (ra_deg, range) = match (ra_angle, unit) {
-            // Some programs write the western half of the sky as negative.
+            // Some programs write right ascensions above 180 degrees as negative.
             (Angle::Decimal(v), RaUnit::Degrees) if (-180.0..0.0).contains(&v) => (v + 360.0, ""),
             (Angle::Decimal(v), RaUnit::Degrees) => (v, "is outside -180 to 360 degrees"),
             (Angle::Decimal(v), RaUnit::Radians) => (v.to_degrees(), "is outside 0 to 2 pi radians"),
@@ -426,7 +425,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         let dec_deg = match dec_angle {
             Angle::Decimal(v) if unit == RaUnit::Radians => v.to_degrees(),
             Angle::Sexagesimal { unit: Some(Unit::Hours), .. } => {
-                return Err(self.refuse(dec, dec_text, "is in hours, which a declination cannot be"));
+                return Err(self.refuse(dec, dec_text, "is in hours, but a declination must be in degrees"));
             }
             Angle::Decimal(v) | Angle::Sexagesimal { value: v, .. } => v,
         };
@@ -438,7 +437,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         Ok(DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec))
     }
 
-    /// Distance in parsecs from the distance column or else the parallax column; `None` if both lack it.
+    /// Distance in parsecs from the distance column or, if it has none, from the parallax column; `None` if both have none.
     fn distance_pc(&self) -> Result<Option<f64>, Refusal> {
         if let (Some(d), Some((column, text))) = (self.distance_column_pc()?, self.text(self.columns.distance_pc)) {
             if d == 0.0 {
@@ -471,7 +470,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         }
     }
 
-    /// Parallax and error; `None` if the file has no column of errors, or if the distance is not that of the parallax.
+    /// Parallax and error; `None` if the file has no column of errors, or if the distance does not come from the parallax.
     fn measured_parallax(&self) -> Result<Option<MeasuredParallax>, Refusal> {
         let Columns { direction, parallax_error_mas, .. } = self.columns;
         let is_cartesian = matches!(direction, Direction::Cartesian(_));
@@ -523,7 +522,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         }
         let mut velocity = motion.velocity(direction, distance_pc);
         if distance_pc.is_none() {
-            // Relative to the star's unit vector at the epoch.
+            // Make the velocity relative to the star's unit vector at the epoch.
             velocity /= (direction + velocity * (years + columns::J2000_EPOCH - from_year)).length();
         }
         notes.velocity = Some(velocity.as_vec3().to_array());
@@ -532,7 +531,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
 
     fn temperature_k(&self, bp_rp: Option<f64>, b_v: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {
         if let (Some(t), Some((column, text))) = (self.finite(self.columns.teff_k)?, self.text(self.columns.teff_k)) {
-            // 9999 K is a temperature.
+            // 9999 K is a possible temperature.
             if !(0.0..99_999.0).contains(&t) && is_nines(text) {
                 return Ok(temperature_of_colour_k(bp_rp, b_v, notes));
             }
@@ -598,7 +597,8 @@ pub(super) fn names<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> 
     Row { columns, field }.names()
 }
 
-/// Whether a number has no digits other than 9, at least two of them, but for zeros after the point: a mark for a missing value, such as -9999.
+/// Whether a number consists of at least two digits that are all 9, apart from zeros after the point. Such a number marks a missing value, such as
+/// -9999.
 fn is_nines(text: &str) -> bool {
     let is_whole = |(_, rest): &(&str, &str)| rest.bytes().all(|digit| digit == b'0');
     let text = text.split_once('.').filter(is_whole).map_or(text, |(whole, _)| whole);
@@ -606,7 +606,7 @@ fn is_nines(text: &str) -> bool {
     digits.clone().count() >= 2 && digits.clone().all(|digit| digit == b'9')
 }
 
-/// Kind of a refusal for a distance below [`NEAREST_PC`].
+/// Kind of refusal for a distance below [`NEAREST_PC`].
 const TOO_NEAR: &str = "the distance is too small";
 
 /// Describes a distance below [`NEAREST_PC`].

@@ -1,4 +1,4 @@
-//! The rows of a file on their way to stars, shared by all formats.
+//! Converts the rows of a file to stars; shared by all formats.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::mpsc::SyncSender;
@@ -12,17 +12,17 @@ use crate::catalogue::StarRecord;
 use crate::catalogue::motion::StarVelocity;
 use crate::catalogue::names::NamesOfStar;
 
-/// Stars that are sent at a time.
+/// Number of stars that are sent at a time.
 const BATCH: usize = 4096;
 
-/// Time at which stars are placed, and where they go.
+/// Options of reading: the time at which stars are placed, and the receiver of the stars.
 #[derive(Clone, Debug)]
 pub(super) struct Reading {
     /// Julian years after J2000.0.
     pub years: f64,
-    /// Receiver of the stars; without one they are kept in memory.
+    /// Receiver of the stars; without a receiver they are kept in memory.
     pub stream: Option<SyncSender<Vec<StreamedStar>>>,
-    /// Whether right ascensions in hours or degrees are in degrees, because the file has one that cannot be hours.
+    /// Whether right ascensions of unknown unit are in degrees, because one of them cannot be in hours.
     pub ra_in_degrees: bool,
 }
 
@@ -41,14 +41,14 @@ pub(super) struct Rows {
     names: Vec<NamesOfStar>,
     velocities: Vec<StarVelocity>,
     reading: Reading,
-    /// Stars that are not sent yet.
+    /// Stars that have not been sent yet.
     batch: Vec<StreamedStar>,
     /// Line and reason of the first row whose right ascension may be in hours or degrees.
     undecided: Option<(usize, String)>,
 }
 
 impl Rows {
-    /// For a file with these columns.
+    /// Creates the rows of a file with these columns.
     pub fn new(file: &str, columns: &Columns, reading: &Reading) -> Self {
         let mut report = ReadReport::new(file);
         report.source = columns.source;
@@ -68,7 +68,7 @@ impl Rows {
         }
     }
 
-    /// The same for a format without lines.
+    /// Marks the format as one without lines.
     pub fn without_lines(mut self) -> Self {
         self.report.without_lines = true;
         self
@@ -84,10 +84,10 @@ impl Rows {
         self.report.notes.push(note);
     }
 
-    /// Adds a row, or the reason why its fields cannot be read. `place` begins the reason in the report.
+    /// Adds a row, or the reason why its fields cannot be read. The reason in the report begins with `place`.
     ///
     /// # Errors
-    /// The columns do not define the meaning of this row, or the receiver of the stars is gone.
+    /// The columns do not define the meaning of this row, or the receiver of the stars was dropped.
     pub fn add<'a>(
         &mut self,
         columns: &Columns,
@@ -123,7 +123,7 @@ impl Rows {
         Ok(())
     }
 
-    /// Counts a row that is refused.
+    /// Counts a refused row.
     fn refuse(&mut self, refusal: Refusal, (line, place): (usize, &str)) -> Result<(), CatalogueError> {
         match refusal {
             Refusal::Row(reason) => {
@@ -137,7 +137,8 @@ impl Rows {
             Refusal::Degrees { reason, refutes } => {
                 let (file, place, reason) =
                     (self.report.file.clone(), self.report.place(line), format!("{place}{reason}"));
-                // Other rows may have hours, minutes and seconds, or stars that were already passed on.
+                // The file cannot be read again in degrees if an earlier row was sexagesimal, that is, in hours, or if its star has already been
+                // passed on.
                 let can_begin_again = self.report.used == 0 || (refutes && self.reading.stream.is_none());
                 Err(if can_begin_again {
                     CatalogueError::Degrees { file, place, reason }
@@ -148,7 +149,7 @@ impl Rows {
         }
     }
 
-    /// The same as [`Self::add`] for stars that are sent.
+    /// As [`Self::add`], if stars are sent to a receiver.
     fn stream<'a>(
         &mut self,
         columns: &Columns,
@@ -177,7 +178,7 @@ impl Rows {
         stream.send(batch).map_err(|_| CatalogueError::Stopped { file: self.report.file.clone() })
     }
 
-    /// The result for the whole file; an error if none of its rows is usable.
+    /// Returns the result for the whole file; an error if none of its rows is usable.
     pub fn finish(mut self) -> Result<CatalogueRead, CatalogueError> {
         if let Some((line, reason)) = self.undecided {
             let place = self.report.place(line);
@@ -186,7 +187,7 @@ impl Rows {
         self.send()?;
         let Self { mut report, mut stars, hashes, mut names, mut velocities, .. } = self;
         report.check()?;
-        // Rows that repeat another one are left out, and the indices of the others move up.
+        // Remove rows that repeat another one, and adjust the indices of the others.
         let is_repeated = repetitions(&stars, &hashes);
         report.repeated = is_repeated.iter().filter(|repeated| **repeated).count();
         report.used -= report.repeated;
@@ -209,8 +210,8 @@ impl Rows {
     }
 }
 
-/// For each star whether its row repeats an earlier one in all its fields, by the hashes of the rows. Rows with the same place and
-/// brightness but different numbers may be a double star.
+/// Returns for each star whether its row repeats an earlier one in all fields; the hashes of the rows are compared. Rows with the same position and
+/// brightness but different catalogue numbers may be a double star.
 fn repetitions(stars: &[StarRecord], hashes: &[u64]) -> Vec<bool> {
     let mut order: Vec<u32> = (0..stars.len() as u32).collect();
     order.par_sort_unstable_by_key(|&index| (hashes[index as usize], index));

@@ -1,4 +1,4 @@
-//! Numbers of binary tables: big-endian, as FITS and the binary forms of VOTable have them.
+//! Numbers of binary tables: big-endian, as in FITS and in the binary forms of VOTable.
 
 /// Type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +23,7 @@ impl Scalar {
         }
     }
 
-    /// The whole number in `bytes`; `None` for other types, and if there are too few bytes.
+    /// The integer in `bytes`; `None` if the type is not an integer, or if there are too few bytes.
     pub fn integer(self, bytes: &[u8]) -> Option<i64> {
         Some(match self {
             Self::Byte => i64::from(*bytes.first()?),
@@ -42,7 +42,7 @@ impl Scalar {
                 b'F' | b'f' | b'0' => "false".to_owned(),
                 _ => String::new(),
             }),
-            // The shortest text of an f32 has the digits that its source wrote.
+            // The shortest text of an f32 has the same digits as in the source.
             Self::Float => bytes.first_chunk().map(|bytes| f32::from_be_bytes(*bytes).to_string()),
             Self::Double => bytes.first_chunk().map(|bytes| f64::from_be_bytes(*bytes).to_string()),
             _ => self.integer(bytes).map(|value| value.to_string()),

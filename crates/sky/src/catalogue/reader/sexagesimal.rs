@@ -1,16 +1,16 @@
-//! Angles in catalogues: decimal, or hours or degrees with minutes and seconds.
+//! Parses angles in catalogues: decimal numbers, and hours or degrees with minutes and seconds.
 //!
-//! Accepted forms: `06 45 08.9`, `06:45:08.9`, `6h45m08.9s`, `-16 42 58`, `-16d42m58s` and `-16°42'58"`; missing last
-//! parts are zero. The sign is taken from the text, not from the first number, so that `-00 30 10` stays negative.
+//! Accepted forms: `06 45 08.9`, `06:45:08.9`, `6h45m08.9s`, `-16 42 58`, `-16d42m58s` and `-16°42'58"`; missing trailing parts are zero. The sign is
+//! taken from the text and not from the first number, so that `-00 30 10` stays negative.
 
 use super::units;
 
 /// An angle as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Angle {
-    /// One plain number; the caller knows its unit.
+    /// A decimal number; the caller knows its unit.
     Decimal(f64),
-    /// Two or three parts, or one with a unit mark: in units of the first part (hours or degrees).
+    /// An angle of two or three parts, or of one part with a unit mark. The value is in the unit of the first part (hours or degrees).
     Sexagesimal {
         /// Value in hours or degrees, with its sign.
         value: f64,
@@ -34,7 +34,7 @@ pub(super) fn parse(text: &str) -> Result<Angle, String> {
     if let Some(value) = units::number(text) {
         return if value.is_finite() { Ok(Angle::Decimal(value)) } else { Err("is not finite".into()) };
     }
-    // Sign, and the unit of the first part.
+    // Parse the sign, and the unit of the first part.
     let (negative, digits) = match text.as_bytes().first() {
         Some(b'-') => (true, &text[1..]),
         Some(b'+') => (false, &text[1..]),
@@ -49,7 +49,7 @@ pub(super) fn parse(text: &str) -> Result<Angle, String> {
         _ => None,
     };
     let is_separator = |c: char| c.is_whitespace() || matches!(c, ':' | '\'' | '"' | '′' | '″' | '°') || unit_letter(c);
-    // Up to three parts; only the last one may have a fraction.
+    // Parse up to three parts; only the last one may have a fraction.
     let mut parts = [0.0; 3];
     let mut count = 0;
     let mut whole = true;
@@ -71,7 +71,7 @@ pub(super) fn parse(text: &str) -> Result<Angle, String> {
     if count == 0 || (count == 1 && unit.is_none()) {
         return Err("is neither a number nor an angle such as 06 45 08.9".into());
     }
-    // Rounding in catalogues produces 60 seconds; more is an error.
+    // Rounding in catalogues may produce 60 seconds; more is an error.
     if parts[1] >= 60.0 || parts[2] > 60.0 {
         return Err("has 60 minutes or more, or more than 60 seconds".into());
     }

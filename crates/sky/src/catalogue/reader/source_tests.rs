@@ -1,4 +1,4 @@
-//! Files of every source as they are delivered, against independent values.
+//! Tests that read files of every source as they are delivered, and compare them with independent values.
 
 use std::io::Write;
 
@@ -28,20 +28,20 @@ fn the_sun_of_hyg_and_athyg_is_left_out() {
         assert!(report.first_rejected[0].reason.contains("it is the Sun"), "{report}");
         assert!(report.to_string().contains(source.name()), "{report}");
     }
-    // A star as near and far fainter is not the Sun; nor is the Sun's twin elsewhere.
+    // A star that is as near as the Sun but far fainter is not the Sun; nor is a star like the Sun at another distance.
     let text = "ra_deg,dec_deg,abs_mag,distance_pc\n10,20,15,0.0005\n10,20,4.83,1.3\n10,20,4.83,0.0005\n";
     let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
     assert_eq!((stars.len(), report.rejected), (2, 1), "{report}");
 }
 
-/// Barnard's star in 2100: motion by hand from Gaia's values, with perspective.
+/// Barnard's star in 2100: the expected motion was computed by hand from Gaia's values, including perspective.
 #[test]
 fn proper_motions_of_every_source_move_barnards_star() {
     for name in ["athyg32.csv", "hyg41.csv", "gaia_vizier.tsv", "gaia.ecsv"] {
         let years: f64 = if name.starts_with("gaia") { 84.0 } else { 100.0 };
         let CatalogueRead { stars, report, .. } = in_2100(name);
         let star = stars.iter().find(|star| star.position.z > 0.0 && star.position.y < 0.0).unwrap();
-        // Places of 2000 (HYG, AT-HYG) and of 2016 (Gaia).
+        // Positions in 2000 (HYG, AT-HYG) and in 2016 (Gaia).
         let (ra_deg, dec_deg) = if years == 84.0 { (269.448_502_5, 4.739_420_1) } else { (269.452_076, 4.693_365) };
         let north_arcsec = 10.362_4 * years;
         let west_arcsec = 0.8015 * years;
@@ -63,16 +63,16 @@ fn sentinels_are_missing_values() {
         assert_eq!(star.temperature_k, 5772.0);
         assert!((star.apparent_magnitude() - 12.0).abs() < 1e-5, "{}", star.apparent_magnitude());
     }
-    // A missing V falls back to G; a missing motion or temperature does not refuse the row.
+    // A missing V falls back to G; a row with a missing motion or temperature is not refused.
     let text = "source_id,ra_deg,dec_deg,v_mag,phot_g_mean_mag,bp_rp,teff_val,pmra,radial_velocity\n\
                 1,10,20,99.999,12.0,0.8,-9999,-9999,9999\n2,10,21,9.99,12.0,0.8,5000,10,20\n";
     let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 50.0).unwrap();
     assert_eq!((stars.len(), report.motion_ignored, report.moving), (2, 1, 1), "{report}");
     assert!(report.to_string().contains("1 with a motion of nines"), "{report}");
     assert!((stars[0].apparent_magnitude() - 12.16).abs() < 0.1, "{}", stars[0].apparent_magnitude());
-    assert!(off_arcsec(&stars[0], 10.0, 20.0) < 1e-6, "a sentinel is no motion");
+    assert!(off_arcsec(&stars[0], 10.0, 20.0) < 1e-6, "a sentinel is not a motion");
     assert!((stars[1].apparent_magnitude() - 9.99).abs() < 1e-5, "9.99 is a magnitude");
-    // Distances, parallaxes and temperatures have such marks too; 9999 K is a temperature, and 990 mas a parallax.
+    // Distances, parallaxes and temperatures may also be such marks. But 9999 K is a possible temperature, and 990 mas a possible parallax.
     let text = "source_id,ra_deg,dec_deg,v_mag,distance_pc,parallax,teff_val\n\
                 1,10,20,5,-9999.0,10,5000\n2,10,21,5,,9999.99,99999\n3,10,22,5,-9999,,9999\n4,10,23,5,,990,5000\n5,10,24,5,-9998,,5000\n";
     let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
@@ -93,7 +93,7 @@ fn a_row_that_repeats_another_is_drawn_once() {
     let CatalogueRead { stars, report, .. } = read("repeated.csv");
     assert_eq!((stars.len(), report.rows, report.used, report.repeated), (1, 2, 1, 1), "{report}");
     assert!(report.to_string().contains("1 repeated (drawn once)"), "{report}");
-    // A double star is not a repetition.
+    // A double star does not count as a repetition.
     let text = "hr,ra_deg,dec_deg,v_mag\n1,10,20,3.5\n2,10,20,3.5\n3,10,20,3.6\n";
     assert_eq!(read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap().stars.len(), 3);
 }
@@ -103,7 +103,7 @@ fn the_distance_of_a_cone_search_is_an_angle() {
     let CatalogueRead { stars, report, .. } = read("gaia_cone.csv");
     assert!(report.unused[0].contains("dist: the angle"), "{report}");
     assert!((stars[1].position.length() - 1000.0 / 2.0969).abs() < 1e-6, "{}", stars[1].position.length());
-    // Elsewhere it is a distance.
+    // In other files it is a distance.
     let text = "ra_deg,dec_deg,v_mag,dist\n10,20,3.5,12\n";
     assert_eq!(read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap().stars[0].position.length().round(), 12.0);
 }
@@ -155,7 +155,7 @@ fn heads_in_comments_and_units_of_ecsv_are_read() {
     let other = std::fs::read_to_string(path("gaia.ecsv")).unwrap().replace("unit: mas,", "unit: pc,");
     let error = read_csv_from(other.as_bytes(), "test.ecsv", 0.0).unwrap_err().to_string();
     assert!(error.contains("parallax is in pc"), "{error}");
-    // A comment that is not a head does not become one.
+    // A comment that is not a head is not taken as one.
     let error = read_csv_from(&b"# made on 3 May\n10,20,3\n"[..], "test.csv", 0.0).unwrap_err().to_string();
     assert!(error.contains("no direction"), "{error}");
 }
@@ -173,7 +173,7 @@ fn compressed_files_are_read_and_other_formats_named() {
     let zipped = zipped.finish().unwrap();
     let whole = read_file(&written("gaia.csv.gz", &zipped), 0.0).unwrap();
     assert_eq!(whole.stars, read("gaia.csv").stars);
-    // The name does not matter; a damaged end is an error.
+    // The file name does not matter; a damaged end is an error.
     assert_eq!(read_file(&written("gaia", &zipped), 0.0).unwrap().stars, whole.stars);
     let error = read_file(&written("short.csv.gz", &zipped[..zipped.len() / 2]), 0.0).unwrap_err();
     assert!(matches!(error, CatalogueError::Io { .. }), "{error}");
@@ -207,13 +207,13 @@ fn names_and_numbers_of_files_are_kept() {
     ] {
         assert_eq!(designation(name), Some(expected), "{name}");
     }
-    assert_eq!(designation("Sol"), None, "the Sun is no star of the file");
+    assert_eq!(designation("Sol"), None, "the Sun is not a star of the file");
     let named = read("gaia.ecsv").named();
     assert!(names::find(named.iter(), "Gaia 4472832130942575872").is_some());
 }
 
-/// One star of an excerpt: the file, the name by which the star is found there, V and place of another source, their tolerances, and the
-/// motion in arcseconds of 100 years to the east and to the north.
+/// One star of an excerpt: the file, the name of the star in it, V and position from another source, their tolerances, and the motion to the east and
+/// to the north in 100 years, arcseconds.
 struct Known {
     file: &'static str,
     star: &'static str,
@@ -224,8 +224,9 @@ struct Known {
     within_motion: f64,
 }
 
-/// Sirius, Canopus, Vega and Aldebaran by the Bright Star Catalogue, which rounds to 1 arcsec; Barnard's star in HYG and AT-HYG by Gaia, in
-/// Gaia, Hipparcos and TOPCAT by HYG. The plain file has no motion. The table of docs/catalogues.md has the same rows.
+/// The values of Sirius, Canopus, Vega and Aldebaran are from the Bright Star Catalogue, which rounds to 1 arcsec. Those of Barnard's star are from
+/// Gaia for HYG and AT-HYG, and from HYG for Gaia, Hipparcos and TOPCAT. The plain file has no motion. The table of docs/catalogues.md has the same
+/// rows.
 const KNOWN: [Known; 15] = {
     const fn known(
         file: &'static str,
@@ -288,7 +289,7 @@ fn stars_of_excerpts_have_the_values_of_another_source() {
     }
 }
 
-/// Ten of the columns of a cone search of the Gaia archive, with the values and the head as delivered: `dist` is an angle, two stars have no
+/// Ten of the columns of a cone search in the Gaia archive, with the values and the head as delivered. `dist` is an angle, and two stars have no
 /// parallax.
 #[test]
 fn a_cone_search_of_the_gaia_archive_is_read() {
@@ -301,7 +302,7 @@ fn a_cone_search_of_the_gaia_archive_is_read() {
     assert!(report.unused.iter().any(|column| column.starts_with("dist:")), "{report}");
     // 1000 / 2.0969.
     assert!((stars[2].position.length() - 476.89).abs() < 0.01, "{}", stars[2].position.length());
-    // G = 16.610226, BP-RP = 1.9089565; G - V = -0.68633 by hand with the cubic of Riello et al. 2021.
+    // G = 16.610226, BP-RP = 1.9089565; G - V = -0.68633, computed by hand with the cubic of Riello et al. 2021.
     assert!((stars[2].apparent_magnitude() - 17.296_555).abs() < 1e-4, "{}", stars[2].apparent_magnitude());
 }
 
@@ -315,7 +316,7 @@ fn a_right_ascension_that_cannot_be_hours_decides_for_the_file() {
         std::io::Write::write_all(&mut encoder, text.as_bytes()).unwrap();
         std::fs::write(&zipped, encoder.finish().unwrap()).unwrap();
     };
-    // The value that decides is in the last row; the western half of the sky may be negative.
+    // The decisive value is in the last row; right ascensions above 180 degrees may be negative.
     for (text, ra_deg) in [
         ("ra,dec,mag\n10.5,20,1\n101.287,-16.716,-1.46\n", [10.5_f64, 101.287]),
         ("ra,dec,mag\n10.5,20,1\n-78.713,-16.716,-1.46\n", [10.5, 281.287]),
@@ -333,7 +334,7 @@ fn a_right_ascension_that_cannot_be_hours_decides_for_the_file() {
             assert_eq!(sent.iter().map(|batch| batch.len()).sum::<usize>(), 2);
         }
     }
-    // A file without such a row is refused, and so is one that also has hours, minutes and seconds.
+    // A file without such a row is refused, and so is a file that also has hours, minutes and seconds.
     for (text, part) in [
         ("ra,dec,mag\n10.5,20,1\n24.0,-16.716,-1.46\n", "line 2: ra = \"10.5\" may be hours or degrees"),
         ("ra,dec,mag\n6 45 8.9,-16.716,-1.46\n101.287,-16.716,-1.46\n", "line 3: ra = \"101.287\" can only be degrees"),
@@ -352,7 +353,7 @@ fn motions_with_both_halves_are_read_and_others_are_named() {
     assert!(off_arcsec(&whole.stars[0], 10.0, 20.0) > 350.0);
     for (text, half) in [("pmDE\n10,20,1,-1800\n", "pmde"), ("pm_ra_cosdec\n10,20,1,3600\n", "pm_ra_cosdec")] {
         let read = csv(&format!("ra_deg,dec_deg,v_mag,{text}"));
-        let part = format!("{half}: the other half of the proper motion is missing");
+        let part = format!("{half}: the other component of the proper motion is missing");
         assert!(read.report.moving == 0 && read.report.to_string().contains(&part), "{}", read.report);
         assert!(off_arcsec(&read.stars[0], 10.0, 20.0) < 1e-6);
     }
@@ -364,7 +365,7 @@ fn answers_of_simbad_are_in_degrees_with_v_beside_the_identifier() {
     let read = csv("main_id,ra,dec,V\n* alf CMa,10.5,-16.716,-1.46\n").unwrap();
     assert!(off_arcsec(&read.stars[0], 10.5, -16.716) < 1e-6);
     assert!((read.stars[0].apparent_magnitude() + 1.46).abs() < 1e-5);
-    // Elsewhere `v` may be anything.
+    // In other files `v` may have any meaning.
     let error = csv("id,ra_deg,dec_deg,V\n1,10.5,-16.716,-1.46\n").unwrap_err().to_string();
     assert!(error.contains("no brightness"), "{error}");
 }

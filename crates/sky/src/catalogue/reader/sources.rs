@@ -1,6 +1,6 @@
-//! The sources of catalogue files that the reader knows, recognised by their sets of columns, with their conventions.
+//! The known sources of catalogue files, and their conventions. A source is recognised from its set of columns.
 
-/// Right ascension columns in degrees with the declination column beside each and the epoch of both, Julian years; `None`: that of the
+/// Right ascension columns in degrees, each with its declination column and the epoch of both, Julian years; `None`: that of the
 /// source. Positions at J2000.0 come first.
 pub(super) const DEGREES: &[(&str, &str, Option<f64>)] = &[
     ("ra_deg", "dec_deg", None),
@@ -15,7 +15,7 @@ pub(super) const DEGREES: &[(&str, &str, Option<f64>)] = &[
     ("rarad", "derad", None),
 ];
 
-/// Columns that HYG and AT-HYG have beside `mag`. Few other tables have one of them.
+/// Columns that HYG and AT-HYG have besides `mag`. Few other tables have one of them.
 const HYG: [&str; 14] = [
     "absmag",
     "bayerflamsteed",
@@ -62,7 +62,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// Recognises the source by the names of its columns, in lower case.
+    /// Recognises the source from the names of its columns, which must be in lower case.
     pub(super) fn recognise(names: &[String]) -> Self {
         let has = |name: &str| names.iter().any(|known| known == name);
         if has("mag") && HYG.iter().any(|name| has(name)) {
@@ -86,7 +86,7 @@ impl Source {
         if (has("hip") || has("tyc")) && ["hpmag", "raicrs", "rahms", "rarad"].iter().any(|name| has(name)) {
             return Self::Hipparcos;
         }
-        // Other tables with numbers of this catalogue call the parallax `plx`.
+        // Other tables with numbers of the Bright Star Catalogue call the parallax `plx`.
         if has("hr") && has("vmag") && !has("plx") && (has("hd") || has("parallax")) {
             return Self::BrightStars;
         }
@@ -110,7 +110,7 @@ impl Source {
         }
     }
 
-    /// Conventions of the source that matter for reading, for the report.
+    /// Description, for the report, of the conventions of the source that matter for reading.
     pub(super) fn conventions(self) -> &'static str {
         match self {
             Self::Plain => "V magnitudes, positions at J2000.0 unless a column says otherwise",
@@ -122,13 +122,13 @@ impl Source {
             Self::Hipparcos => "V and B-V of Johnson, positions at J1991.25 unless they are those of J2000",
             Self::Tycho2 => "V and B-V from VT and BT, positions at J2000.0",
             Self::BrightStars => {
-                "V magnitudes, positions at J2000.0, parallaxes and motions in arcsec without a line of units"
+                "V magnitudes, positions at J2000.0, parallaxes and motions in arcsec if there is no line of units"
             }
             Self::Vizier => "V magnitudes, positions at J2000.0",
         }
     }
 
-    /// Epoch of positions without a column or a name that gives it, Julian years.
+    /// Epoch of positions if no column and no column name gives it, Julian years.
     pub(super) fn epoch(self) -> f64 {
         match self {
             Self::Gaia | Self::VizierGaia => 2016.0,
@@ -139,21 +139,22 @@ impl Source {
         }
     }
 
-    /// Unit of parallaxes in a file without units; `None`: milliarcseconds.
+    /// Unit of parallaxes in a file without units; `None` means milliarcseconds.
     pub(super) fn parallax_unit(self) -> Option<&'static str> {
         (self == Self::BrightStars).then_some("arcsec")
     }
 
-    /// Unit of proper motions in a file without units, which has these columns; `None`: milliarcseconds a year. The error says that they are no angles.
+    /// Unit of proper motions in a file without units that has the columns `names`; `None` means milliarcseconds a year. Returns an error if they are
+    /// not angles.
     pub(super) fn motion_unit(self, names: &[String]) -> Result<Option<&'static str>, &'static str> {
         let has = |name: &str| names.iter().any(|known| known == name);
         if self == Self::BrightStars || (self == Self::Vizier && has("lspm")) {
             return Ok(Some("arcsec/yr"));
         }
-        // I/149A, I/146, I/193 and I/131A.
+        // These are the tables I/149A, I/146, I/193 and I/131A.
         let in_seconds_of_time =
             ["fk5", "ppm", "sao"].iter().any(|name| has(name)) && self == Self::Vizier && !has("hip");
-        if in_seconds_of_time { Err("FK5, PPM and SAO have seconds of time: keep the line of units") } else { Ok(None) }
+        if in_seconds_of_time { Err("FK5, PPM and SAO use seconds of time: keep the line of units") } else { Ok(None) }
     }
 
     /// Whether the file belongs to HYG or AT-HYG.
@@ -161,7 +162,7 @@ impl Source {
         matches!(self, Self::Hyg | Self::AtHyg)
     }
 
-    /// Data release of Gaia whose numbers the file has. AT-HYG has those of DR3.
+    /// Gaia data release to which the numbers in the file belong. The numbers in AT-HYG are those of DR3.
     pub(super) fn gaia_release(self) -> Option<&'static str> {
         match self {
             Self::Gaia | Self::VizierGaia | Self::AtHyg => Some("DR3"),
@@ -170,7 +171,7 @@ impl Source {
         }
     }
 
-    /// Whether magnitudes are those of Gaia.
+    /// Whether the magnitudes are Gaia's.
     pub(super) fn is_gaia(self) -> bool {
         matches!(self, Self::Gaia | Self::Gaia2 | Self::VizierGaia | Self::VizierGaia2)
     }

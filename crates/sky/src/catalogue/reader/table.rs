@@ -5,8 +5,8 @@ use super::frame::Frame;
 use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
-/// Columns for UCDs (IVOA, Unified Content Descriptors 1+), by which a column is known whose name is not: beginning of the UCD, and the name
-/// of the plain column with the same meaning.
+/// UCDs (IVOA, Unified Content Descriptors 1+) that identify a column with an unknown name: beginning of the UCD, and this program's column name with
+/// the same meaning.
 const UCDS: [(&str, &str); 11] = [
     ("pos.eq.ra", "ra_deg"),
     ("pos.eq.dec", "dec_deg"),
@@ -42,7 +42,7 @@ impl Head {
         self.frames.push(Frame::default());
     }
 
-    /// The columns by their names; if these are not the names of a star catalogue, by their UCDs as well.
+    /// Recognises the columns by their names or, if these are not the names of a star catalogue, also by their UCDs.
     fn columns(&self) -> Result<Columns, String> {
         let by_name = Columns::recognise(&self.names, Some(&self.units));
         if by_name.is_ok() {
@@ -62,18 +62,18 @@ impl Head {
         let by_ucd = Columns::recognise(&names, Some(&self.units));
         by_ucd
             .map(|columns| columns.called(&self.names))
-            .map_err(|reason| format!("{reason} (columns known by their UCD)"))
+            .map_err(|reason| format!("{reason} (columns identified by their UCDs)"))
     }
 }
 
-/// A table on its way to stars.
+/// A table whose rows are converted to stars.
 pub(super) struct Table {
     columns: Columns,
     rows: Rows,
 }
 
 impl Table {
-    /// A table with this head.
+    /// Creates a table with this head.
     ///
     /// # Errors
     /// The columns are not those of a star catalogue.
@@ -127,7 +127,7 @@ impl Table {
         self.rows.note(note);
     }
 
-    /// The result for the whole file; an error if none of its rows is usable.
+    /// Returns the result for the whole file; an error if none of its rows is usable.
     pub fn finish(self) -> Result<CatalogueRead, CatalogueError> {
         self.rows.finish()
     }

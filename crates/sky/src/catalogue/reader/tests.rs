@@ -1,4 +1,4 @@
-//! Every form of catalogue, from files in `tests/data/catalogues`, and the errors for invalid ones.
+//! Tests of every form of catalogue, with files in `tests/data/catalogues`, and of the errors for invalid files.
 
 use std::io::Read;
 
@@ -22,7 +22,7 @@ fn json(text: &str) -> Result<CatalogueRead, CatalogueError> {
     read_json_from(text.as_bytes(), "test.json", 0.0)
 }
 
-/// The only star of a file of one row.
+/// Returns the only star of a file with one row.
 fn one(text: &str) -> StarRecord {
     let read = csv(text).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(read.stars.len(), 1, "{}", read.report);
@@ -61,7 +61,7 @@ fn hyg() {
     assert_eq!(report.first_rejected.len(), 1);
     assert_eq!(report.first_rejected[0].line, 2, "the Sun");
     assert!(report.first_rejected[0].reason.contains("origin"), "{}", report.first_rejected[0].reason);
-    // The file's own x, y, z are independent of its ra in hours.
+    // The x, y, z columns of the file are independent of its ra in hours.
     assert!(stars[0].position.distance(DVec3::new(-0.494323, 2.476731, -0.758485)) < 1e-4);
     assert!(stars[1].position.distance(DVec3::new(219.740502, 0.003449, 4.177065)) < 1e-3);
     assert!((f64::from(stars[0].magnitude) - 1.454).abs() < 1e-3, "its own absolute magnitude");
@@ -93,7 +93,7 @@ fn gaia_archive() {
     let CatalogueRead { stars, report, .. } = read("gaia.csv");
     assert_eq!((report.used, report.rejected, report.without_distance), (3, 0, 1));
     assert_eq!((report.without_colour, report.g_taken_as_v), (1, 1));
-    // Proxima Centauri: V = 11.13, 1.30 pc, 2900 to 3050 K. For so red a dwarf the relation for V is good to 0.2 mag.
+    // Proxima Centauri: V = 11.13, 1.30 pc, 2900 to 3050 K. For such a red dwarf the relation for V is accurate to 0.2 mag.
     assert_towards(&stars[0], 217.392_321, -62.676_075, 1e-5);
     assert!((stars[0].position.length() - 1.302).abs() < 1e-3);
     assert!((stars[0].apparent_magnitude() - 11.13).abs() < 0.2, "V {}", stars[0].apparent_magnitude());
@@ -149,7 +149,7 @@ fn bad_rows_are_reported_by_line() {
         (10, "teff_k = \"0\" is not above 0"),
         (11, "distance_pc = \"0\" puts the star at the origin"),
         (12, "distance_pc = \"-3\" is below 0"),
-        (13, "v_mag = \"99\" is no magnitude: no brightness"),
+        (13, "v_mag = \"99\" is not a magnitude: no brightness"),
         (14, "ra_deg is missing"),
     ];
     assert_eq!(report.rejected, 11);
@@ -184,7 +184,7 @@ fn rows_too_near_to_be_stars_are_refused() {
             assert!(report.first_rejected[0].reason.contains(part), "{row}: {}", report.first_rejected[0].reason);
         }
     }
-    // A faint body at the Sun's place in HYG, and the nearest place there is.
+    // A faint body at the position of the Sun in HYG, and one at the nearest valid position.
     for (distance, v_mag) in [("0.000005", "-16.7"), ("1e-6", "-16.7")] {
         let star = one(&format!("{spherical}\n10,20,{v_mag},{distance}\n"));
         assert!((star.apparent_magnitude() + 16.7).abs() < 1e-5, "{distance}");
@@ -198,7 +198,7 @@ fn light_outside_the_storable_range_is_refused_and_the_rest_is_kept() {
     use crate::units::illuminance_lx_from_magnitude;
 
     for (header, row) in [
-        // Absolute magnitudes of 55 and of about -57.
+        // Absolute magnitudes of at least 55, and of about -57.
         ("x,y,z,abs_mag", "1,0,0,55"),
         ("ra_deg,dec_deg,v_mag,distance_pc", "10,20,30,1e-6"),
         ("ra_deg,dec_deg,v_mag,distance_pc", "10,20,-40,3e4"),
@@ -212,7 +212,7 @@ fn light_outside_the_storable_range_is_refused_and_the_rest_is_kept() {
         let reason = &report.first_rejected[0].reason;
         assert!(reason.contains("lx at 1 pc is outside the range") && reason.contains("1.1e15"), "{reason}");
     }
-    // Every accepted star has the illuminance of its apparent magnitude in the packed set.
+    // In the packed set, every accepted star has the illuminance of its apparent magnitude.
     let rows = ["1e-6,-26.7", "1e-6,5", "0.000005,10", "1,40", "1e4,-30", "5e7,10", ",44", ",-39"];
     for row in rows {
         let (distance, v_mag) = row.split_once(',').unwrap();
@@ -276,7 +276,7 @@ fn fields_are_split_by_the_rules_of_csv() {
         ("a,1,2,3,4", "5 fields instead of 4"),
         ("a,1,2,3,,", "6 fields instead of 4"),
         ("a", "1 fields instead of 4"),
-        // A mark after a blank is text.
+        // A quotation mark after a blank is text.
         ("a, \"1\",2,3", "ra_deg = \"\\\"1\\\"\" is neither"),
     ] {
         let error = csv(&format!("{header}{row}\n")).unwrap_err().to_string();
@@ -286,7 +286,7 @@ fn fields_are_split_by_the_rules_of_csv() {
 
 #[test]
 fn rows_of_any_width_are_read_whole() {
-    // Widths around the sizes at which the parser's buffers are full or grow.
+    // Test widths around the sizes at which the parser's buffers are full or grow.
     for width in (0..300).chain(4080..4110).chain(8170..8210).chain([100_000]) {
         for filler in [",".repeat(width), "a".repeat(width), format!("\"{}\"", "a".repeat(width))] {
             let header = format!("ra_deg,dec_deg,v_mag,{}", filler.replace('a', ""));
@@ -301,7 +301,7 @@ fn rows_of_any_width_are_read_whole() {
 #[test]
 fn an_open_quotation_rejects_only_its_own_row() {
     let header = "ra_deg,dec_deg,v_mag,name\n";
-    // In an unused column of otherwise valid rows: once, twice, and on the last line.
+    // The open quotation is in an unused column of otherwise valid rows: in one row, in another row before a blank line, and on the last line.
     let rows = "1,2,3,\"a\n1,2,3,b\n1,2,3,c\r\n1,2,3,\"d\r\n\n1,2,3,e\n1,2,3,\"";
     let read = csv(&format!("{header}{rows}")).unwrap();
     assert_eq!((read.report.rows, read.report.used + read.report.repeated, read.report.rejected), (6, 3, 3));
@@ -372,8 +372,7 @@ fn json_object_with_stars() {
     assert!(report.first_rejected[0].reason.contains("entry 2: is not an object"));
 }
 
-/// A key that an entry lacks is missing, whatever the previous entry has. As many keys as entries must not take
-/// quadratic time.
+/// A key that an entry lacks is a missing value, even if the previous entry has it. As many keys as entries must not take quadratic time.
 #[test]
 fn json_entries_do_not_inherit_values_of_the_previous_entry() {
     let stars =
@@ -465,7 +464,7 @@ impl Read for Repeated {
 #[test]
 fn a_million_broken_rows_end_in_one_error() {
     let header = b"ra_deg,dec_deg,v_mag\n";
-    // With a quotation mark that is never closed; it must not swallow the following rows.
+    // A quotation mark that is never closed must not swallow the following rows.
     let row = b"\"abc,2,3\n";
     let source = Repeated { header, row, position: 0, end: header.len() + row.len() * 1_000_000 };
     let error = read_csv_from(source, "broken.csv", 0.0).unwrap_err().to_string();
@@ -517,7 +516,7 @@ fn refused_rows_are_counted_by_reason() {
     );
     assert_eq!(report.rejected_kinds.iter().map(|of| of.rows).sum::<usize>(), report.rejected);
     assert!(report.to_string().contains("and 38 more; of all 48:\n  12 rows: dec_deg is outside"), "{report}");
-    // Kinds beyond the first 20 are counted together, so that the report stays short.
+    // Kinds of problems beyond the first 20 are counted together, so that the report stays short.
     let fields = |count: usize| ",".repeat(count);
     let text: String = (10..50).map(|count| format!("10,20,3{}\n", fields(count))).collect();
     let text = format!("ra_deg,dec_deg,v_mag\n10,20,3\n{text}");

@@ -1,16 +1,16 @@
 //! Numbers and units as files write them.
 //!
 //! A column is read in one unit: parallaxes in mas, distances in pc, proper motions in mas/yr, radial velocities in km/s, temperatures in K,
-//! magnitudes in mag, epochs in years. A file may state another unit of the same kind: it is converted. Known spellings are those of the
-//! VOUnits recommendation (IVOA 1.1), of FITS, and of the CDS standard for catalogues 2.0 (`10+3K`, `0.01mag`, `[K]` for a logarithm), and those that the
-//! Gaia archive had at first (`Angular Velocity[mas/year]`).
+//! magnitudes in mag, epochs in years. If a file states another unit of the same kind, numbers are converted. Known spellings are those of the
+//! VOUnits recommendation (IVOA 1.1), of FITS, and of the CDS standard for catalogues 2.0 (`10+3K`, `0.01mag`, `[K]` for a logarithm), and those that
+//! the Gaia archive used at first (`Angular Velocity[mas/year]`).
 
 use crate::units::{ASTRONOMICAL_UNIT_M, JULIAN_YEAR_S, LIGHT_M_S, PARSEC_M};
 
-/// A light-year, m: the way of light in a Julian year.
+/// A light-year, m: the distance that light travels in a Julian year.
 const LIGHT_YEAR_M: f64 = LIGHT_M_S * JULIAN_YEAR_S;
 
-/// What a column holds.
+/// Physical quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Quantity {
     Parallax,
@@ -26,7 +26,7 @@ pub(super) enum Quantity {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Conversion {
     factor: f64,
-    /// The stored number is a logarithm of base 10.
+    /// Whether the stored number is a logarithm of base 10.
     is_log10: bool,
 }
 
@@ -42,7 +42,7 @@ impl Conversion {
     }
 }
 
-/// Units by their spellings in lower case, with their size in the first unit of the list.
+/// Units: spellings in lower case, and the size relative to the first unit of the list.
 type Spellings = &'static [(&'static [&'static str], f64)];
 
 /// Milliarcseconds.
@@ -84,7 +84,7 @@ impl Quantity {
         }
     }
 
-    /// Conversion from a unit; the error says which ones are valid.
+    /// Returns the conversion from a unit; the error lists the valid units.
     pub fn conversion(self, unit: &str) -> Result<Conversion, String> {
         self.converted(unit).ok_or_else(|| format!("is in {}; it must be in {}", super::excerpt(unit), self.valid()))
     }
@@ -110,7 +110,7 @@ impl Quantity {
                 size(&format!("{length}/{time}"), SPEEDS)
             }
             Self::Temperature => size(unit, TEMPERATURES),
-            // The system is named by some: `mag(AB)`.
+            // Some files add the photometric system: `mag(AB)`.
             Self::Magnitude => size(unit.split_once('(').map_or(unit, |(unit, _)| unit), MAGNITUDES),
             Self::Epoch => size(unit, TIMES).filter(|size| *size == 1.0),
         };
@@ -127,7 +127,7 @@ pub(super) enum DirectionUnit {
     Radians,
 }
 
-/// Unit of a right ascension or declination by its spelling; `None` if it is unknown.
+/// Returns the unit of a right ascension or declination from its spelling; `None` if it is unknown.
 pub(super) fn direction_unit(unit: &str) -> Option<DirectionUnit> {
     let unit = unit.to_lowercase().replace([' ', '"', '\''], "");
     Some(match described(&unit) {
@@ -138,7 +138,7 @@ pub(super) fn direction_unit(unit: &str) -> Option<DirectionUnit> {
     })
 }
 
-/// The unit in brackets after a word, such as `mas` of `angle[mas]`; else the same text.
+/// Returns the unit in brackets after a word, such as `mas` in `angle[mas]`; otherwise the same text.
 fn described(unit: &str) -> &str {
     match unit.split_once('[') {
         Some((word, rest)) if !word.is_empty() && word.bytes().all(|c| c.is_ascii_alphabetic()) => {
@@ -148,7 +148,7 @@ fn described(unit: &str) -> &str {
     }
 }
 
-/// Cuts a leading number off: `0.01` of `0.01mag`, and 1000 of the form of CDS, `10+3K`.
+/// Splits a leading number off: `0.01` in `0.01mag`, and 1000 in the form of the CDS, `10+3K`.
 fn leading_number(unit: &str) -> Option<(f64, &str)> {
     let end = unit.find(|c: char| !c.is_ascii_digit() && c != '.' && c != '+' && c != '-').unwrap_or(unit.len());
     let (number, rest) = unit.split_at(end);
@@ -162,7 +162,7 @@ fn leading_number(unit: &str) -> Option<(f64, &str)> {
     Some((value, rest.trim_start_matches(['*', '.'])))
 }
 
-/// Numerator and denominator of a unit such as `mas/yr`, `mas.yr-1`, `mas yr^-1` or `mas*yr**-1`.
+/// Returns numerator and denominator of a unit such as `mas/yr`, `mas.yr-1`, `mas yr^-1` or `mas*yr**-1`.
 fn quotient(unit: &str) -> Option<(String, String)> {
     if let Some((above, below)) = unit.split_once('/') {
         return Some((above.to_owned(), below.to_owned()));
@@ -177,7 +177,7 @@ fn size(unit: &str, spellings: Spellings) -> Option<f64> {
     spellings.iter().find(|(names, _)| names.contains(&unit)).map(|(_, size)| *size)
 }
 
-/// A decimal number. Its sign may be the typographic minus, and its exponent may have the letter D, as Fortran writes it, with a sign.
+/// Parses a decimal number. Its sign may be the typographic minus. Its exponent may have the letter D, as Fortran writes it, if it has a sign.
 pub(super) fn number(text: &str) -> Option<f64> {
     let text = text.trim();
     if let Ok(value) = text.parse() {

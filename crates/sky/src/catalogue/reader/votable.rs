@@ -1,7 +1,7 @@
 //! Star catalogues in VOTable (IVOA, VOTable 1.4): the first table with the columns of a star catalogue.
 //!
-//! The data may be TABLEDATA, BINARY or BINARY2 (base64). TABLEDATA is read row by row. A stream elsewhere, compressed streams and embedded
-//! FITS are refused. A field of several values is one text of all of them. VALUES/null and the null bits of BINARY2 mean "no value".
+//! The data may be TABLEDATA, BINARY or BINARY2 (base64). TABLEDATA is read row by row. Streams in other files, compressed streams and embedded FITS
+//! are refused. A field with several values is read as one text. VALUES/null and the null bits of BINARY2 mean "no value".
 
 use std::io::{self, BufRead, Read};
 
@@ -15,11 +15,11 @@ use super::scalar::Scalar;
 use super::table::{Head, Table};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
-/// Largest text between two marks, bytes: the whole table in the binary forms.
+/// Maximum size of the text between two tags, bytes. In the binary forms this text is the whole table.
 const MOST_BYTES: u64 = 1 << 30;
-/// Characters of the error of a service that a message shows.
+/// Maximum number of characters of a service's error that a message shows.
 const MOST_ERROR_TEXT: usize = 400;
-/// Largest number of fields.
+/// Maximum number of fields.
 const MOST_FIELDS: usize = 10_000;
 
 /// Type of a field's values.
@@ -37,7 +37,7 @@ enum Kind {
 /// A FIELD.
 struct Column {
     kind: Result<Kind, String>,
-    /// Number of values; `None`: as many as the row says.
+    /// Number of values; `None` if each row states its number.
     count: Option<usize>,
     /// Text of a missing value.
     null: String,
@@ -48,7 +48,7 @@ struct Column {
 enum Form {
     Text,
     Binary,
-    /// With a bit for each field that is missing.
+    /// Binary, with a bit for each field that tells whether it is missing.
     Binary2,
 }
 
@@ -69,7 +69,7 @@ impl<R: BufRead> Read for Bounded<R> {
 impl<R: BufRead> BufRead for Bounded<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.left == 0 {
-            return Err(io::Error::other(format!("more than {MOST_BYTES} bytes without a mark")));
+            return Err(io::Error::other(format!("more than {MOST_BYTES} bytes without a tag")));
         }
         self.source.fill_buf()
     }
@@ -83,8 +83,8 @@ impl<R: BufRead> BufRead for Bounded<R> {
 /// Reads a VOTable from `source`; messages call it `file`. Stars are placed `years` Julian years after J2000.0.
 ///
 /// # Errors
-/// If the file cannot be read or is no VOTable, if none of its tables has the columns of a star catalogue, if the data have a form that is
-/// refused, or if no row is usable.
+/// If the file cannot be read or is not a VOTable, if none of its tables has the columns of a star catalogue, if the data are in an unsupported form,
+/// or if no row is usable.
 pub fn read_votable_from(source: impl BufRead, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     read(source, file, &years.into())
 }
@@ -125,7 +125,7 @@ struct Document<'f> {
     columns: Vec<Column>,
     /// Whether the last FIELD is open, so that VALUES belongs to it.
     in_field: bool,
-    /// The table that is read, or the error of the first one that cannot be.
+    /// The table that is read, or the error of the first table that cannot be read.
     table: Option<Result<Table, CatalogueError>>,
     /// Whether the data that follow belong to that table.
     is_reading: bool,
@@ -260,7 +260,7 @@ impl<'f> Document<'f> {
         Ok(())
     }
 
-    /// Adds a FIELD to the head.
+    /// Adds a FIELD to the head of the table.
     fn field(&mut self, start: &BytesStart<'_>) -> Result<(), CatalogueError> {
         if self.columns.len() == MOST_FIELDS {
             return Err(self.malformed(format!("a table must have at most {MOST_FIELDS} fields")));
@@ -292,7 +292,7 @@ impl<'f> Document<'f> {
         } else {
             let sizes = if size.is_empty() { "1" } else { &size };
             let product = sizes.split('x').try_fold(1_usize, |all, size| all.checked_mul(size.trim().parse().ok()?));
-            Some(product.ok_or_else(|| self.malformed(format!("the arraysize `{size}` is no size")))?)
+            Some(product.ok_or_else(|| self.malformed(format!("the arraysize `{size}` is not a size")))?)
         };
         let frame_id = text("ref")?;
         self.head.push(&name, &unit, &ucd);
@@ -302,7 +302,7 @@ impl<'f> Document<'f> {
         Ok(())
     }
 
-    /// Begins the data of a table: chooses whether they are read.
+    /// Begins the data of a table, and decides whether they are read.
     fn data(&mut self, form: Form) {
         self.form = form;
         if matches!(self.table, Some(Ok(_))) {
@@ -310,7 +310,7 @@ impl<'f> Document<'f> {
             self.is_reading = false;
             return;
         }
-        // A FIELD without a frame has that of the document if there is only one.
+        // A FIELD without a frame gets that of the document if there is only one.
         for (frame, id) in self.head.frames.iter_mut().zip(&self.frame_ids) {
             let named = self.frames.iter().find(|(known, _)| !id.is_empty() && known == id);
             let only = self.frames.first().filter(|_| self.frames.len() == 1);
@@ -331,7 +331,7 @@ impl<'f> Document<'f> {
         }
     }
 
-    /// Adds the character of `&amp;`, `&#x41;` and the like.
+    /// Adds the character that a reference such as `&amp;` or `&#x41;` means.
     fn reference(&mut self, reference: &quick_xml::events::BytesRef<'_>) -> Result<(), CatalogueError> {
         let named = match &**reference {
             b"amp" => Some('&'),
@@ -434,7 +434,7 @@ impl<'f> Document<'f> {
 }
 
 impl Column {
-    /// Cuts the values of one row off `bytes` and returns them as text.
+    /// Removes the values of this column for one row from the start of `bytes` and returns them as text.
     fn cell(&self, bytes: &mut &[u8]) -> Result<String, String> {
         let kind = self.kind.clone()?;
         let count = match self.count {
@@ -469,7 +469,7 @@ impl Column {
     }
 }
 
-/// Cuts `count` bytes off.
+/// Removes `count` bytes from the start of `bytes` and returns them.
 fn cut<'b>(bytes: &mut &'b [u8], count: usize) -> Result<&'b [u8], String> {
     let (start, rest) = bytes.split_at_checked(count).ok_or("the binary data end within a row")?;
     *bytes = rest;

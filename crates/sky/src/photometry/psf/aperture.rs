@@ -137,7 +137,8 @@ impl Shape {
         }
     }
 
-    /// Signed distance to the edge at `p`, in diameters, negative inside; in places closer to 0 than the true one.
+    /// Signed distance to the edge at `p`, in diameters, negative inside. In some places it is closer to 0 than the
+    /// true distance.
     fn distance(&self, p: DVec2) -> f64 {
         match self {
             Self::Circle => p.length() - 0.5,

@@ -56,7 +56,7 @@ pub const TEMPERATURES_K: std::ops::RangeInclusive<f64> = 500.0..=1e6;
 /// inaccurate.
 pub const MAX_WIDTH_RAD: f64 = 0.35;
 
-/// Black body with the light closest to the display's white D65, kelvin.
+/// Temperature of the black body whose light is closest to the display's white D65, kelvin.
 pub const WHITE_K: f64 = 6504.0;
 
 /// Errors of making, reading and writing a point-spread function.

@@ -1,8 +1,9 @@
 //! Sampling of a spectrum by weighted wavelengths, and conversion of their sums to linear Rec. 709.
 //!
 //! The tristimulus density of a black body (Planck times the CIE 1931 functions, linear between the rows of the
-//! table) is distributed over wavelengths evenly spaced in the visible range: each nanometre is shared between its
-//! two neighbours in proportion. The sum is therefore the colour of the whole spectrum for any number of wavelengths.
+//! table) is distributed over wavelengths evenly spaced in the visible range: each nanometre is shared in proportion
+//! between the two wavelengths next to it. The sum is therefore the colour of the whole spectrum for any number of
+//! wavelengths.
 
 use crate::photometry::{
     blackbody::SECOND_RADIATION_M_K,

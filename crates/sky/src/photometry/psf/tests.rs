@@ -191,7 +191,7 @@ fn spikes_are_perpendicular_to_the_edges() {
     for degrees in [0, 30, 90, 150, 180, 210, 270, 330] {
         assert!(jwst.contains(&degrees), "{degrees} in {jwst:?}");
     }
-    // Curved edges spread their spikes: between a circle and straight edges.
+    // Curved edges spread their spikes: their contrast is between that of a circle and that of straight edges.
     let contrast = |aperture: Aperture| {
         let psf = green(aperture, 400, 0.25);
         let density = |degrees: f64| {
@@ -386,7 +386,7 @@ fn errors_name_the_invalid_parameter_of_optics() {
     }
 }
 
-/// The form for drawing, compared with a sum over other points than its integral uses.
+/// Compares the form for drawing with a sum over points other than those of its integral.
 #[test]
 fn the_inverse_square_form_for_drawing_keeps_the_light() {
     let light = |form: &InverseSquare| -> [f64; 3] {

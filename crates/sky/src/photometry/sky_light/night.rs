@@ -1,12 +1,12 @@
 //! Light of the night sky from zenith to horizon: a layer of airglow and evenly spread light from space, seen through
-//! air that also scatters this light towards the observer, as often as it does.
+//! air that also scatters this light towards the observer, in all orders of scattering.
 //!
-//! The air is not only in front of the light: what it takes out of one line of sight it scatters into others. Near the
+//! The air does not only dim the light: it scatters the light from one line of sight into others. Near the
 //! horizon, where no direct light passes, the sky has the luminance of the air itself, which is lit from all sides (R.
 //! H. Garstang, PASP 101, 306, 1989; S. Noll et al., A&A 543, A92, 2012, section 3.6). The mean light at each height
-//! and the light of the ground solve a linear system. The light has no sharp features, so that scattering by aerosol,
-//! which is mostly forwards, counts with one minus its asymmetry (similarity relation of H. C. van de Hulst, "Multiple
-//! light scattering", 1980, chapter 14); the rest is isotropic.
+//! and the light of the ground solve a linear system. The light has no sharp features. So scattering by aerosol, which
+//! is mostly forwards, is reduced by the factor of one minus its asymmetry (similarity relation of H. C. van de Hulst,
+//! "Multiple light scattering", 1980, chapter 14), and the rest is isotropic.
 
 use std::f64::consts::PI;
 
@@ -20,14 +20,15 @@ const LAYER_KM: f64 = 90.0;
 const LAYER_SHARE: f64 = 0.6;
 /// Reflectance of the ground below the air.
 const GROUND_ALBEDO: f64 = 0.15;
-/// Heights at which the mean light is known; directions over which it is averaged, and steps along each.
+/// Numbers of heights at which the mean light is known, of directions over which it is averaged, and of steps along
+/// each.
 const HEIGHTS: usize = 20;
 const DIRECTIONS: usize = 40;
 const STEPS: usize = 32;
 /// Unknowns: the mean light at the heights, and the luminance of the ground.
 const UNKNOWNS: usize = HEIGHTS + 1;
-/// Repetitions of the system's iteration: each adds an order of scattering, which has less than half of the light of
-/// the one before.
+/// Number of iterations that solve the system: each adds an order of scattering, which has less than half of the light
+/// of the one before.
 const ORDERS: usize = 40;
 
 /// Light along a line of sight in one channel: known light, and factors on the unknowns.

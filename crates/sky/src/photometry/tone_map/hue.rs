@@ -57,7 +57,7 @@ mod tests {
         for (mapped, original) in at_luminance(rgb, luminance(rgb)).into_iter().zip(rgb) {
             assert!((mapped - original).abs() < 1e-15);
         }
-        // Half as bright again: red reaches its limit, and the others compensate.
+        // The same colour, half as bright again: red reaches its limit, and the other channels compensate.
         let mapped = at_luminance(rgb, 1.5 * luminance(rgb));
         assert!((mapped[0] - 1.0).abs() < 1e-12 && mapped[1] > 0.6 && mapped[2] > 0.15, "{mapped:?}");
     }

@@ -15,8 +15,8 @@
 //! |---|---|---|---|---|
 //! | share of cones | 0 | 0.333 | 0.667 | 1 |
 //!
-//! The eye is assumed to be adapted to the pixel that it looks at. So a star in a fine pixel keeps its colour and the
-//! Milky Way has none, and the same star in a coarse pixel, whose luminance is lower, has less. If a display
+//! The eye is assumed to be adapted to the pixel that it looks at. So a star in a fine pixel keeps its colour, and the
+//! Milky Way has no colour. In a coarse pixel, whose luminance is lower, the same star has less colour. If a display
 //! reproduces the scene's luminance (`calibrated`), the viewer's eye does all this itself.
 
 use crate::photometry::rec709::{luminance, rec709_from_xyz, xyz_from_rec709};

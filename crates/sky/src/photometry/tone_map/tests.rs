@@ -22,7 +22,7 @@ fn by_channel(operator: ToneMapOperator) -> ToneMapSettings {
 fn srgb_has_the_standards_values() {
     assert_eq!(srgb_from_linear(0.0), 0.0);
     assert!((srgb_from_linear(1.0) - 1.0).abs() < 1e-15);
-    // Code 188 of 255 is half of white to the nearest code; 0.18 is 0.4614 (118).
+    // Code 188 of 255 is the one nearest to half of white; 0.18 is encoded as 0.4614 (118).
     assert_eq!((255.0 * srgb_from_linear(0.5)).round(), 188.0);
     assert!((srgb_from_linear(0.18) - 0.461_356).abs() < 1e-6);
     assert!((linear_from_srgb(128.0 / 255.0) - 0.215_861).abs() < 1e-6);
@@ -94,7 +94,7 @@ fn a_calibrated_display_reproduces_luminance_at_any_exposure() {
             }
         }
     }
-    // Limited to its black and its peak.
+    // The display is limited to its black and its peak.
     assert_eq!(given([0.01, 0.3, 400.0], 1.0).map(|given| (given * 1e6).round() / 1e6), [0.3, 0.3, 250.0]);
     assert!((settings.white_ev100().unwrap() - (250.0_f64 / 1.2).log2()).abs() < 1e-12);
     assert_eq!(ToneMapSettings::default().white_ev100(), None);
@@ -129,8 +129,8 @@ fn desaturation_keeps_the_hue_of_highlights() {
             }
         }
         assert!(judged >= 13, "{operator:?}: {judged} of 16 colours have a hue");
-        // Processed by channel, a bright orange is more than a tenth of a radian off; half of the desaturation is in
-        // between.
+        // If channels are processed separately, a bright orange is off by more than a tenth of a radian; half of the
+        // desaturation gives a value in between.
         let orange = [3.0, 1.2, 0.1].map(|channel| 6.0 * channel);
         let (whole, half) = (turned_rad(&settings(0.0), orange), turned_rad(&settings(0.5), orange));
         println!(
@@ -138,7 +138,7 @@ fn desaturation_keeps_the_hue_of_highlights() {
             operator.name()
         );
         assert!(whole > 0.1, "{operator:?}: {whole}");
-        // So bright that it is white: no hue remains.
+        // The light is so bright that it is white: no hue remains.
         let [red, green, blue] = settings(1.0).display_rgb(orange, 1.0);
         assert!(red >= green && green >= blue && blue > 0.8, "{operator:?}: {red} {green} {blue}");
     }
@@ -152,7 +152,8 @@ fn desaturation_keeps_the_operators_luminance() {
         let seen = |desaturation, rgb| luminance(settings(desaturation).display_rgb(rgb, 1.0).map(linear_from_srgb));
         let within = [0.5, 0.3, 0.1];
         assert!((seen(1.0, within) / seen(0.0, within) - 1.0).abs() < 1e-6, "{operator:?}");
-        // A red beyond the range, with a luminance within it: clipping loses most of its light.
+        // A red whose channel is beyond the range although its luminance is within it: clipping loses most of its
+        // light.
         let red = [3.0, 0.2, 0.1];
         let kept = match operator {
             ToneMapOperator::Filmic | ToneMapOperator::Aces => seen(0.0, red),
@@ -206,6 +207,6 @@ fn keys_without_effect_name_the_operator_that_they_need() {
         let problem = problem(general, text);
         assert!(problem.starts_with(expected) && problem.is_empty() == expected.is_empty(), "{text}: {problem}");
     }
-    // The operator may be that of the general settings.
+    // The operator may come from the general settings.
     assert_eq!(problem(ToneMapSettings::of(ToneMapOperator::Calibrated), "peak_cd_m2 = 5.0"), "");
 }

@@ -1,4 +1,4 @@
-//! Kills, hangs, cuts and clocks that are set.
+//! Faults: kills, hangs, cut connections and clocks that are set.
 
 use super::{DIRECTORS, Event, World};
 use crate::sim::setup::{Fault, MS};

@@ -8,7 +8,7 @@ use steradian_lock::messages::{ToDirector, ToNode};
 use super::{Event, World};
 use crate::sim::setup::{OnLoss, SECOND};
 
-/// Director, node, and whether messages go to the node.
+/// A connection: director, node, and whether messages go to the node.
 pub type Route = (usize, usize, bool);
 
 #[derive(Clone, Debug)]
@@ -17,7 +17,7 @@ pub enum Message {
     ToDirector(ToDirector),
 }
 
-/// One message of a connection that repeats what is lost.
+/// One message of a connection that sends lost messages again.
 #[derive(Debug)]
 struct InFlight {
     number: u64,
@@ -27,18 +27,18 @@ struct InFlight {
     attempt: u32,
 }
 
-/// A connection that keeps the order, as TCP: a lost message is sent again when a later one has arrived (selective acknowledgement), or after a
+/// A connection that keeps the order, like TCP: a lost message is sent again when a later one has arrived (selective acknowledgement), or after a
 /// time-out that doubles. Later messages wait for it.
 #[derive(Debug, Default)]
 pub struct Connection {
-    /// Changes when one of both processes starts again.
+    /// Changes when either process starts again.
     life: u64,
     next: u64,
     in_flight: VecDeque<InFlight>,
 }
 
 impl World {
-    /// Forgets what is on its way to or from a process that has ended.
+    /// Drops the messages on their way to or from a process that has ended.
     pub(super) fn reset_connections(&mut self, is_meant: impl Fn(&Route) -> bool) {
         for (_, connection) in self.connections.iter_mut().filter(|(route, _)| is_meant(route)) {
             connection.life += 1;

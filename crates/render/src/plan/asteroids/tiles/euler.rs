@@ -1,11 +1,10 @@
 //! The published atlas: tile (i, j) of R x R shows the shape turned by a pitch of 2 pi i / R and a yaw of 2 pi j / R,
 //! and the square is turned by the remaining angle, the roll.
 //!
-//! The relative rotation is M_R = M_C M_A^T. M_C takes world axes to view axes; the rows of M_A are the asteroid's axes
-//! in world axes, so that M_A^T takes shape to world. The publication's conversion to Euler angles is here M_R
-//! = Rz(roll) Ry(yaw) Rx(pitch): pitch acts first, on the shape, and roll last, in the image plane, where a square can
-//! be turned. With exact angles the picture of an asteroid at the centre of the view is right. The angles are singular
-//! if yaw is a quarter turn.
+//! The relative rotation is M_R = M_C M_A^T. M_C transforms world axes to view axes. The rows of M_A are the asteroid's axes in world axes, so that
+//! M_A^T transforms shape to world. The publication's conversion to Euler angles is written here as M_R = Rz(roll) Ry(yaw) Rx(pitch): pitch acts
+//! first, on the shape, and roll last, in the image plane, by turning the square. With exact angles the picture of an asteroid at the centre of the
+//! view is correct. The angles are singular if yaw is a quarter turn.
 
 use std::f64::consts::{PI, TAU};
 
@@ -16,11 +15,11 @@ use super::{AtlasTile, TileAxes};
 /// Angles of a rotation, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angles {
-    /// Around x, first; a full turn.
+    /// Rotation around x, applied first; range of a full turn.
     pub pitch_rad: f64,
-    /// Around y, second; from -pi/2 to pi/2.
+    /// Rotation around y, applied second; from -pi/2 to pi/2.
     pub yaw_rad: f64,
-    /// Around z, last; a full turn.
+    /// Rotation around z, applied last; range of a full turn.
     pub roll_rad: f64,
 }
 
@@ -75,8 +74,8 @@ pub fn axes(tile: AtlasTile, tiles: u32) -> TileAxes {
     TileAxes { right: turned.row(0), up: turned.row(1), direction: turned.row(2) }
 }
 
-/// Number of tiles that can be displayed: yaw is at most a quarter turn in either direction. The row of the lowest yaw is displayed at
-/// exactly that angle only if angles are rounded up.
+/// Number of tiles that can be displayed: yaw is at most a quarter turn in either direction. If angles are rounded up, the row of the lowest yaw is
+/// displayed only for exactly that angle.
 pub fn reachable(tiles: u32) -> u32 {
     let quarter = (f64::from(tiles) / 4.0).ceil() as i64;
     let lowest = (-f64::from(tiles) / 4.0).ceil() as i64;
@@ -87,7 +86,7 @@ pub fn reachable(tiles: u32) -> u32 {
 /// by `tilt_rad` around the axis that does not change its yaw.
 pub fn pole_swing_rad(from_pole_rad: f64, tilt_rad: f64) -> [f64; 2] {
     let before = Angles { pitch_rad: 0.3, yaw_rad: 0.5 * PI - from_pole_rad, roll_rad: -0.4 };
-    // The direction to the eye moves towards y of the frame with only the yaw.
+    // The axis of the tilt is x of the axes that are turned by the roll only.
     let middle = DMat3::from_rotation_z(before.roll_rad);
     let axis = middle * DVec3::X;
     let after = Angles::from_rotation(DMat3::from_axis_angle(axis, tilt_rad) * before.matrix());

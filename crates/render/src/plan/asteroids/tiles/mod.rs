@@ -1,12 +1,11 @@
 //! The tile of an atlas that replaces an asteroid, and its error. Pure f64 functions.
 //!
-//! A tile is an orthographic picture of the shape from one direction. *direction* points from the shape to the
-//! eye, *right* and *up* are the picture's axes, all in the shape's axes, right x up = direction. View axes are +x
-//! right, +y up, looking along -z. `view_from_shape` is the apparent rotation of the asteroid in the view, *to the eye*
-//! the unit vector from the asteroid to the eye; at the centre of a view that is +z.
+//! A tile is an orthographic picture of the shape from one direction. *direction* points from the shape to the eye, *right* and *up* are the
+//! picture's axes, all in the shape's axes, right x up = direction. View axes are +x right, +y up, looking along -z. `view_from_shape` is the
+//! apparent rotation of the asteroid in the view. *To the eye* is the unit vector from the asteroid to the eye; at the centre of a view that is +z.
 //!
-//! - `euler` has the published choice, by the camera's orientation;
-//! - `octahedral` has the choice of one or three tiles by the eye's position;
+//! - `euler` selects a tile by the camera's orientation, as published;
+//! - `octahedral` selects one or three tiles by the eye's position;
 //! - [`super::bounds`] converts their errors to distances.
 
 pub mod euler;
@@ -81,8 +80,8 @@ impl AtlasLayout {
     }
 }
 
-/// The tiles that a method draws and their weights, which add up to 1; unused ones of the three have weight 0. `None`: the method
-/// has no atlas. `to_eye` in view axes.
+/// The tiles that a method draws, and their weights, which add up to 1. Unused entries of the three have weight 0. `None`: the method has no atlas.
+/// `to_eye` is in view axes.
 pub fn tiles_shown(
     method: ImpostorMethod,
     view_from_shape: DMat3,
@@ -103,9 +102,9 @@ pub fn tiles_shown(
     }
 }
 
-/// Rotation from the shape's axes to view axes as displayed by one tile. The
-/// published method rotates the tile by the roll in the image plane. The others rotate it by the shortest way until it faces
-/// the eye, which is equivalent to projecting the tile's axes onto the plane across the line of sight.
+/// Rotation from the shape's axes to view axes that one tile displays. The published method rotates the tile by the roll in the image plane. The
+/// others rotate it by the shortest way until it faces the eye, which is equivalent to projecting the tile's axes onto the plane across the line of
+/// sight.
 pub fn shown_view_from_shape(
     method: ImpostorMethod,
     tile: AtlasTile,
@@ -142,7 +141,7 @@ pub fn orientation_error_rad(method: ImpostorMethod, view_from_shape: DMat3, to_
     let displayed = tiles_shown(method, view_from_shape, to_eye, tiles)?;
     let heaviest = displayed.iter().fold(displayed[0], |best, next| if next.1 > best.1 { *next } else { best }).0;
     let picture = shown_view_from_shape(method, heaviest, view_from_shape, to_eye, tiles)?;
-    // A picture in the image plane is seen as if the eye were in front of it, which is wrong off the axis.
+    // A picture in the image plane shows the asteroid as seen by an eye in front of it, which is wrong off the axis.
     let true_picture = match AtlasLayout::for_method(method)? {
         AtlasLayout::Euler => DMat3::from_quat(DQuat::from_rotation_arc(to_eye, DVec3::Z)) * view_from_shape,
         AtlasLayout::Octahedral => view_from_shape,
@@ -150,7 +149,7 @@ pub fn orientation_error_rad(method: ImpostorMethod, view_from_shape: DMat3, to_
     Some(rotation_angle_rad(picture, true_picture))
 }
 
-/// Number of tiles that any orientation can display, including those for an exact pole only.
+/// Number of tiles that are displayed for some orientation, including those for an exact pole only.
 pub fn reachable_tiles(layout: AtlasLayout, tiles: u32) -> u32 {
     match layout {
         AtlasLayout::Euler => euler::reachable(tiles),

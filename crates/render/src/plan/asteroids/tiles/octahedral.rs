@@ -1,15 +1,15 @@
 //! The octahedral map: the sphere of directions on a square of tiles, without singular points and without unused
 //! tiles.
 //!
-//! A direction is divided by the sum of its absolute coordinates, which maps it onto an octahedron; the upper half is
-//! seen from above, the four lower faces fold out to the corners (Meyer, Suessmuth, Sussner, Stamminger, Greiner: "On
-//! floating-point normal vectors", 2010). Tile centres are half a tile inside the border. Beyond a border the map
-//! continues at the mirrored position of the same border, and beyond a corner at the other three.
+//! A direction is divided by the sum of its absolute coordinates, which maps it onto an octahedron; the map shows the upper half from above, and the
+//! four lower faces are folded out to the corners (Meyer, Suessmuth, Sussner, Stamminger, Greiner: "On floating-point normal vectors", 2010). Tile
+//! centres are half a tile inside the border. Beyond a border the map continues at the mirrored position of the same border, and beyond a corner at
+//! the other three.
 //!
-//! Three tiles are blended by the corners of a triangle of the grid of tile centres. A face of the octahedron is flat
-//! on the map and divided into equilateral triangles if cells are divided along the fold between upper and lower faces; cells
-//! across a border are divided in one direction, which is the same for the cell as seen from either side. Weights are linear
-//! between two tiles on every edge of the grid, so they are continuous everywhere.
+//! Three tiles are blended by the corners of a triangle of the grid of tile centres. A face of the octahedron is flat on the map and divided into
+//! equilateral triangles if cells are divided along the fold between upper and lower faces; cells across a border are divided in one direction, which
+//! is the same for the cell as seen from either side. On every edge of the grid, the weights are linear between its two tiles, so they are continuous
+//! everywhere.
 
 use glam::{DVec2, DVec3};
 

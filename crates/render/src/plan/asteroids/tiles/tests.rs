@@ -49,12 +49,12 @@ fn euler_angles_without_rounding_give_the_exact_picture_at_the_centre() {
         let angles = Angles::from_rotation(view_from_shape);
         assert!(angles.matrix().abs_diff_eq(view_from_shape, 1e-12));
     }
-    // For the angles of a tile, the tile's picture turned by the roll is that of the shape.
+    // If the shape has the angles of a tile, the tile's picture turned by the roll is the picture of the shape.
     for (column, row) in [(0, 0), (3, 5), (31, 29), (17, 2)] {
         let tile = AtlasTile { column, row };
         for roll in [0.0, 1.0, -2.5] {
             let view_from_shape = DMat3::from_rotation_z(roll) * euler::axes(tile, N).shape_from_tile().transpose();
-            // Half a step lower, so that rounding up selects the tile regardless of the last digit.
+            // Round to the nearest tile: rounding up would depend on the last digit.
             assert_eq!(euler::tile(Angles::from_rotation(view_from_shape), N, Rounding::Nearest), tile);
             let displayed = shown_view_from_shape(EulerAtlas, tile, view_from_shape, DVec3::Z, N).unwrap();
             assert!(rotation_angle_rad(displayed, view_from_shape) < 1e-7);
@@ -138,14 +138,14 @@ fn the_map_is_invertible_and_axes_are_right_handed() {
             let tile = AtlasTile { column: index % N, row: index / N };
             let middle = octahedral::decode(octahedral::middle(tile, N));
             assert!(layout == AtlasLayout::Euler || middle.abs_diff_eq(axes.direction, 1e-12));
-            // A tile on the fold has the frame of the upper half, however rounding changes z = 0.
+            // A tile on the fold has the axes of the upper half, whatever rounding does to z = 0.
             let on_fold = layout == AtlasLayout::Octahedral && axes.direction.z.abs() < 1e-9;
             assert!(!on_fold || axes.right.x >= 0.0 && axes.direction.z == 0.0);
         }
     }
 }
 
-/// Greatest change of any tile's weight between directions that are `step` apart, along circles all over the sphere.
+/// Greatest change of any tile's weight over a step of `step` rad along a circle, for circles all over the sphere.
 fn weight_jump(blend: impl Fn(DVec3) -> [(AtlasTile, f64); 3], step: f64) -> f64 {
     let mut worst = 0.0_f64;
     for circle in rotations(40) {
@@ -193,7 +193,7 @@ fn weights_are_continuous_over_cells_octants_and_borders() {
 fn a_choice_by_orientation_has_the_whole_angle_off_the_axis_as_its_error() {
     let off_axis = 35.0_f64.to_radians();
     let to_eye = DVec3::new(-off_axis.sin(), 0.0, off_axis.cos());
-    // Orientations that the atlas contains exactly, so the remaining error is the method's.
+    // The atlas contains these orientations exactly, so the remaining error is that of the method.
     let worst = (0..8)
         .map(|i| {
             let tile = AtlasTile { column: 3 * i, row: i };
@@ -226,7 +226,7 @@ fn squares_in_the_image_plane_shrink_off_the_axis() {
 
 #[test]
 fn turning_the_head_changes_only_the_published_choice() {
-    // The same asteroid from the same position, with the head turned.
+    // The same asteroid is seen from the same position, with the head turned.
     let to_eye = DVec3::new(0.3, -0.2, 0.9).normalize();
     for (view_from_shape, head) in rotations(300).zip(rotations(600).skip(300)) {
         for method in [Octahedral, OctahedralBlend] {

@@ -20,8 +20,8 @@ use crate::{
     view::projection::Face,
 };
 
-/// Number of chunks that one thread bins at a time, and maximum number of such groups: these determine the order of the sum,
-/// not the number of threads.
+/// Number of chunks that one thread bins at a time, and maximum number of such groups. These, and not the number of threads, determine the order of
+/// the sum.
 const GROUP_CHUNKS: usize = 64;
 const MOST_GROUPS: usize = 16;
 
@@ -150,7 +150,7 @@ impl Sky<'_> {
 
     /// A star whose illuminance at the camera is at least `least_lx`.
     pub(super) fn source(&self, place_pc: DVec3, star: &PackedStar, least_lx: f64) -> Option<Source> {
-        // The air only dims stars: faint ones need no refraction.
+        // Air can only dim a star, so a star that is too faint can be skipped before its refraction is computed.
         if light_at(place_pc, star, self.motion) < least_lx {
             return None;
         }
@@ -167,7 +167,8 @@ impl Sky<'_> {
         })
     }
 
-    /// All stars in cells with `cells` along an edge of a face. `counts_brightnesses`: also by brightness. With `far`, most distant stars are not read.
+    /// Bins all stars, with `cells` cells along an edge of a face. `counts_brightnesses`: counts them by brightness too. With `far`, most distant
+    /// stars are not read.
     pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool, far: Option<&mut FarLight>) -> Gathered {
         let (distant, near) = match far {
             Some(far) => far.seen(self, cells),
@@ -194,7 +195,7 @@ impl Sky<'_> {
         }
         let Group { mut sums, mut near, brightnesses } = whole;
         let light = |near: &NearStar| light_at(near.place_pc, &near.star, self.motion);
-        // The sort is stable: the same order for the same stars.
+        // The sort is stable, so that the same stars have the same order.
         near.sort_by(|a, b| light(b).total_cmp(&light(a)));
         for NearStar { place_pc, star } in near.drain(near.len().min(MOST_NEAR)..) {
             if let Some(source) = self.source(place_pc, &star, self.faintest_lx) {
@@ -207,7 +208,7 @@ impl Sky<'_> {
     /// Sources that are drawn individually.
     pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
         let least_lx = reach.least_lx(veil.least_hidden()).max(self.faintest_lx);
-        // Of each chunk only the stars that can be so bright.
+        // Visit only those stars of each chunk that can be bright enough.
         let visible = super::visible_everywhere(self.set, self.place_pc, self.motion, least_lx);
         let sprites = visible
             .par_iter()
@@ -241,7 +242,7 @@ pub(super) fn grouped<I: Sync, S: Send>(
     items.par_chunks(per_group).map(sum).collect()
 }
 
-/// The brightest [`MOST_SPRITES`], in their order. The light of the others stays in the map.
+/// The brightest [`MOST_SPRITES`], in their original order. The light of the others stays in the map.
 fn brightest(mut sprites: Vec<Sprite>) -> Vec<Sprite> {
     if sprites.len() > MOST_SPRITES {
         let mut lights: Vec<f64> = sprites.iter().map(|sprite| luminance(sprite.light)).collect();

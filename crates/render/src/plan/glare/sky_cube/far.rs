@@ -1,12 +1,12 @@
 //! Light of distant stars, kept while the camera flies.
 //!
-//! Space is divided into cubes of several sizes, each in sixty-four of the next smaller ones. The stars that are far from the camera's cube, compared with
-//! its side, are summed as seen from the centre of the largest such cube, by cells of the sky: their light, centroid and mean parallax. At another place in
-//! that cube a sum is moved like a single star. So a flight reads again only the stars around it, and all others when it leaves a cube. The result depends
-//! on the place of the camera, not on its path.
+//! Space is divided into cubes of several sizes; each cube contains sixty-four of the next smaller size. Stars that are far from the camera's cube,
+//! compared with the cube's side, are summed by cells of the sky, as seen from the centre of the largest cube for which this holds: their light,
+//! centroid and mean parallax. For other positions in that cube, each sum is moved like a single star. So during a flight only the stars around the
+//! camera are read repeatedly; the others are read when the camera leaves a cube. The result depends on the position of the camera, not on its path.
 //!
-//! The error is of second order in the displacement over the distance, at most 0.87 / 48: below a millionth of the light of the sky, and 1.4 % of the light
-//! of any part of 3 degrees, of which the cells have the most (`tests`).
+//! The error is of second order in the displacement over the distance, at most 0.87 / 48: below a millionth of the light of the sky, and 1.4 % of the
+//! light of any part of 3 degrees. Most of the latter is due to the cells (`tests`).
 
 use std::sync::{Arc, Weak};
 
@@ -28,14 +28,14 @@ const SIZES: usize = 8;
 /// Side of the largest cubes, pc, and ratio of the sides of two sizes.
 const LARGEST_PC: f64 = 256.0;
 const RATIO: f64 = 4.0;
-/// Distance of the stars from the centre of a cube, in sides.
+/// Least distance of stars from the centre of a cube for which they are far, in sides of the cube.
 const FAR_SIDES: f64 = 48.0;
 /// The barycentre is at this fraction of the side of the largest cube, and so at 0.4 or 0.6 of that of each size: cameras near the Sun are in the middle
 /// of their cubes.
 const PLACE_OF_BARYCENTRE: f64 = 0.4;
-/// All stars nearer than this to the camera are read again for each place, pc.
+/// All stars nearer to the camera than this are read again for each position, pc.
 pub(super) const NEAREST_PC: f64 = 0.1;
-/// With fewer stars nothing is gained.
+/// With fewer stars, keeping the sums saves no time.
 pub(super) const FEWEST_STARS: usize = 200_000;
 
 /// The stars of a cell of the sky, as seen from the centre of a cube.
@@ -48,7 +48,7 @@ pub(super) struct FarSource {
 }
 
 impl FarSource {
-    /// A star at a place relative to the centre, pc. `is_at_infinity`: the place is a direction.
+    /// A star at a position relative to the centre, pc. `is_at_infinity`: the position is a direction.
     pub(super) fn of(source: &Source, place_pc: DVec3, is_at_infinity: bool) -> Self {
         let per_pc = if is_at_infinity { 0.0 } else { place_pc.length().recip() };
         Self { sum: Moments::of(source), parallax: source.illuminance_lx * per_pc }
@@ -59,7 +59,7 @@ impl FarSource {
         self.parallax += other.parallax;
     }
 
-    /// The sum as seen from a place relative to the centre, pc; `None` if it is dark.
+    /// The sum as seen from a position relative to the centre, pc; `None` if the sum is dark.
     fn seen_from(&self, place_pc: DVec3) -> Option<Source> {
         let Moments { light, place } = self.sum;
         let direction = place.try_normalize()?;
@@ -74,12 +74,12 @@ impl FarSource {
 /// The sums of the stars of one size of cubes.
 #[derive(Clone, Debug)]
 struct Held {
-    /// Centres of the cubes of this size and the larger ones; none of stars at infinity.
+    /// Centres of the cubes of this size and the larger ones; empty for stars at infinity.
     centres_pc: Vec<DVec3>,
     sources: Vec<FarSource>,
 }
 
-/// Sums of distant stars by the size of the cube that they are far from, and then of stars at infinity.
+/// Sums of distant stars, by the size of the cube from which they are far. The last sum is that of the stars at infinity.
 #[derive(Clone, Debug, Default)]
 pub struct FarLight {
     of: Weak<StarSet>,
@@ -92,11 +92,11 @@ fn side_pc(size: usize) -> f64 {
     LARGEST_PC / RATIO.powi((SIZES - 1 - size) as i32)
 }
 
-/// The centres of a place's cubes, from the smallest to the largest, pc.
+/// The centres of the cubes that contain a position, from the smallest to the largest, pc.
 fn centres_pc(place_pc: DVec3) -> [DVec3; SIZES] {
     std::array::from_fn(|size| {
         let side = side_pc(size);
-        // The offset of the lattice is a multiple of the side of each smaller cube from the same corner.
+        // The lattices of all sizes have a corner in common, so that smaller cubes are parts of larger ones.
         let offset = DVec3::splat(PLACE_OF_BARYCENTRE * LARGEST_PC / side);
         ((place_pc / side + offset).floor() + 0.5 - offset) * side
     })
@@ -113,14 +113,14 @@ fn size_of(chunk: &Chunk, centres_pc: &[DVec3; SIZES]) -> Option<usize> {
 }
 
 impl FarLight {
-    /// Drops sums of other stars, or of stars to another limit, lx.
+    /// Drops the sums if they are of other stars, or of stars up to another limit, lx.
     pub fn keep_for(&mut self, set: &Arc<StarSet>, faintest_lx: f64) {
         if !std::ptr::eq(self.of.as_ptr(), Arc::as_ptr(set)) || self.faintest_lx != faintest_lx {
             *self = Self { of: Arc::downgrade(set), faintest_lx, ..Self::default() };
         }
     }
 
-    /// The distant stars as seen from the place of `sky`, summed in cells, and the chunks that are not among them, in the order of `sky`.
+    /// The distant stars as seen from the position of `sky`, summed in cells, and the chunks of all other stars, in the order of `sky`.
     pub(super) fn seen<'a>(&mut self, sky: &Sky<'a>, cells: u32) -> (Vec<Source>, Vec<&'a VisibleChunk>) {
         let centres = centres_pc(sky.place_pc);
         let sizes: Vec<Option<usize>> = sky.set.chunks.iter().map(|chunk| size_of(chunk, &centres)).collect();
@@ -142,7 +142,7 @@ impl FarLight {
 }
 
 impl Sky<'_> {
-    /// The stars of some chunks, in cells, as seen from a place, pc. Dark cells are left out.
+    /// The stars of some chunks, summed in cells, as seen from a position, pc. Dark cells are left out.
     fn far_sums(&self, centre_pc: DVec3, cells: u32, is_among: impl Fn(usize) -> bool) -> Vec<FarSource> {
         let visible = super::visible_everywhere(self.set, centre_pc, None, self.faintest_lx);
         let visible: Vec<_> = visible.into_iter().filter(|visible| is_among(visible.chunk)).collect();
@@ -200,7 +200,8 @@ mod tests {
         sky.gather(FINEST_CELLS, false, far).cells
     }
 
-    /// Greatest relative difference of the light around a direction, with Gaussian weights of a standard deviation of 3 degrees, and that of all light.
+    /// Greatest relative difference of the light around any direction, with Gaussian weights of a standard deviation of 3 degrees, and relative
+    /// difference of all light.
     fn differences(cells: &[Cell], others: &[Cell]) -> [f64; 2] {
         let around = |cells: &[Cell], towards: DVec3| {
             let weight = |cell: &Cell| (-(cell.direction - towards).length_squared() / (2.0 * 0.052 * 0.052)).exp();
@@ -228,7 +229,7 @@ mod tests {
         }
         println!("{most_around:.2e} around a direction, {most_of_all:.2e} of all light");
         assert!(most_around < 0.02 && most_of_all < 1e-3, "{most_around} {most_of_all}");
-        // Sums that are not moved fail.
+        // Sums that are not moved have larger errors.
         let [start, end] = [DVec3::ZERO, DVec3::new(70.0, -30.0, 20.0)].map(|place_pc| cells(&set, place_pc, None));
         let [around, of_all] = differences(&end, &start);
         assert!(around > 0.1 && of_all > 2e-3, "{around} {of_all}");

@@ -1,4 +1,4 @@
-//! Levels of the map: each has a kernel that ends at twice the angle over which it is smooth; the kernel of the coarsest covers the whole
+//! Levels of the map. Each has a kernel that ends at twice the angle over which it is smooth; the kernel of the coarsest level covers the whole
 //! sphere.
 
 use super::{
@@ -11,7 +11,7 @@ use crate::photometry::glare::{
     split::{SoftCore, angle_of_chord_squared},
 };
 
-/// Entries of a level's table of its kernel.
+/// Number of entries of the table of a level's kernel.
 pub const TABLE_ENTRIES: usize = 1024;
 
 /// A level of the map.

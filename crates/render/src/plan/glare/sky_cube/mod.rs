@@ -51,11 +51,11 @@ pub const FINEST_CELLS: u32 = 64;
 pub const LEVELS: usize = 3;
 /// Width over which the kernel of a level is smooth, in cells of the level as wide as at the centre of a face.
 const SMOOTH_CELLS: f64 = 4.0;
-/// Radius of the bump that represents the light near sources too faint to be drawn individually, in the same cells.
+/// Radius of the bump that represents the light near sources too faint to be drawn individually, in cells of the finest level.
 const BUMP_CELLS: f64 = 2.5;
-/// Width over which a picture cannot resolve the distribution of light, pixels. The light that pixels sample from a core depends on the
-/// position of the source within a pixel, least at 1.55 pixels: 0.4 % of the scattered light for pixels 0.7 degrees wide, 1.3 % at 1.7
-/// pixels. Cores of 2 pixels and more are equally accurate, but visibly smear light.
+/// Width over which a picture cannot resolve the distribution of light, pixels. The light that pixels sample from a core varies with the position of
+/// the source within a pixel. This variation is least at 1.55 pixels: 0.4 % of the scattered light for pixels 0.7 degrees wide, compared with 1.3 %
+/// at 1.7 pixels. Cores of 2 pixels and more are equally accurate, but visibly smear light.
 const SHOWN_PIXELS: f64 = 1.52;
 /// A source gets a separate direction for each eye if the directions differ by more than this, rad.
 const SHARED_PARALLAX_RAD: f64 = 1e-4;
@@ -71,7 +71,7 @@ pub fn smooth_angle_rad(level: usize) -> f64 {
 /// Inputs of the map of the sky.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyCubeSettings {
-    /// Position that the map is made for, near the camera, ICRS, pc.
+    /// Position for which the map is made, near the camera, ICRS, pc.
     pub place_pc: DVec3,
     /// Motion of the camera.
     pub motion: Option<Motion>,
@@ -83,16 +83,16 @@ pub struct SkyCubeSettings {
     pub farthest_eye_pc: f64,
     /// Relative error of the veil that sources may cause together if they are not drawn individually.
     pub tolerance: f64,
-    /// Absolute error of the same, cd/m^2 as if all light were scattered: invisible in a display image; 0 for exact images.
+    /// Absolute error of the same, in cd/m^2 as if all light were scattered. It is invisible in a display image, and 0 for exact images.
     pub least_cd_m2: f64,
     /// Pixel angles of the views, rad, rounded by [`pixel_class_rad`]; ascending and distinct.
     pub pixel_classes_rad: Vec<f64>,
 }
 
 impl SkyCubeSettings {
-    /// Whether maps of these stars with these settings have the same light in all cells. The other settings determine what is drawn individually.
+    /// Whether maps of these stars with these settings have the same light in all cells. The other settings select the sources that are drawn alone.
     pub fn has_same_cells(&self, other: &Self, set: &StarSet) -> bool {
-        // All settings are named, so that a new one is judged here.
+        // All settings are listed, so that the compiler reports a new one that is not considered here.
         let Self {
             place_pc,
             motion,
@@ -100,7 +100,7 @@ impl SkyCubeSettings {
             faintest_lx,
             farthest_eye_pc,
             tolerance: _,
-            // Whether it is 0 decides about distant stars.
+            // Only whether it is 0 matters: see `keeps_far`.
             least_cd_m2: _,
             pixel_classes_rad: _,
         } = self;
@@ -117,7 +117,8 @@ impl SkyCubeSettings {
         self.farthest_eye_pc / SHARED_PARALLAX_RAD
     }
 
-    /// Whether the map has the light of distant stars from [`FarLight`]: in display images of many stars, as they are seen without air by a camera at rest.
+    /// Whether the map takes the light of distant stars from [`FarLight`]. It does for display images of many stars, if the camera is at rest and
+    /// without air.
     fn keeps_far(&self, set: &StarSet) -> bool {
         self.least_cd_m2 > 0.0
             && self.motion.is_none()
@@ -147,7 +148,7 @@ pub fn pixel_class_rad(pixel_rad: f64) -> f64 {
 /// new map in every frame, and small enough to be far from all stars but the Sun.
 pub const SHARED_CUBE_M: f64 = 1e9;
 
-/// Position that a map is made for: the centre of the camera's cube, pc. A camera at the origin is at a centre.
+/// Position for which a map is made: the centre of the camera's cube, pc. A camera at the origin is at a centre.
 pub fn map_place_pc(camera_pc: DVec3) -> DVec3 {
     let cube_pc = SHARED_CUBE_M / PARSEC_M;
     (camera_pc / cube_pc).round() * cube_pc
@@ -160,7 +161,7 @@ pub fn eye_class_m(farthest_eye_m: f64) -> f64 {
     (((4.0 * farthest_eye_m.max(SHARED_CUBE_M).ln() - 0.5).ceil() + 0.5) / 4.0).exp()
 }
 
-/// A star so near that each eye sees it in another direction.
+/// A star so near that each eye sees it in a different direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearStar {
     /// Position relative to the map's, pc.
@@ -169,7 +170,7 @@ pub struct NearStar {
     pub star: PackedStar,
 }
 
-/// Individual sources, as views with one size of pixels draw them.
+/// Sources that are drawn individually, for views with one size of pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PixelClass {
     /// The kernel as displayed by such pixels.
@@ -193,7 +194,7 @@ pub struct SkyCubePlan {
     pub soft: SoftCore,
     /// Square of the radius of bumps.
     pub bump_squared: f64,
-    /// Stars that each eye sees in another direction, at most [`MOST_NEAR`].
+    /// Stars that each eye sees in a different direction, at most [`MOST_NEAR`].
     pub near: Vec<NearStar>,
     /// Fainter stars do not scatter, lx.
     pub faintest_lx: f64,
@@ -217,7 +218,7 @@ impl SkyCubePlan {
         settings: &SkyCubeSettings,
         far: Option<&mut FarLight>,
     ) -> Self {
-        // All stars that may scatter, in cells.
+        // Bin all stars that may scatter light.
         let SkyCubeSettings { place_pc, motion, faintest_lx, .. } = *settings;
         let visible = visible_everywhere(set, place_pc, motion, faintest_lx);
         let near_pc = settings.near_pc();
@@ -233,11 +234,12 @@ impl SkyCubePlan {
         let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
-        // In a display image, sources are visible individually from a fraction of its budget; in an exact one, less is hidden.
+        // In a display image, a source is visible individually if its veil exceeds a fraction of the budget. In an exact image the thresholds are
+        // lower.
         if let Some(brightnesses) = &brightnesses {
             veil.hide_less(settings.tolerance, &reach, brightnesses);
         }
-        // Sources that are drawn individually. In each class of pixels, bumps contain the light near the other sources.
+        // Select the sources that are drawn individually. In each class of pixels, bumps contain the light near the other sources.
         let sprites = sky.sprites(&reach, &veil);
         let narrow_share = kernel.share_within(smooth_angle_rad(0)) - soft.share();
         let bump_squared = chord_squared(BUMP_CELLS * 2.0 / f64::from(FINEST_CELLS));
@@ -261,7 +263,7 @@ impl SkyCubePlan {
         Self { levels, sprites, classes, soft, bump_squared, near, faintest_lx }
     }
 
-    /// Near stars for an eye at this position relative to the map's: directions in world axes, light in lx.
+    /// Near stars for an eye at this position relative to that of the map: directions in world axes, light in lx.
     pub fn near_for(
         &self,
         eye_pc: DVec3,
@@ -278,7 +280,7 @@ impl SkyCubePlan {
     }
 }
 
-/// All chunks with stars of this illuminance and more at a place, lx and pc, in all directions.
+/// All chunks with stars of at least this illuminance (lx) at a position (pc), in all directions.
 fn visible_everywhere(set: &StarSet, place_pc: DVec3, motion: Option<Motion>, faintest_lx: f64) -> Vec<VisibleChunk> {
     let everywhere = Viewport {
         view: 0,

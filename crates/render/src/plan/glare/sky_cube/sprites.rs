@@ -32,7 +32,7 @@ pub struct Sprite {
     pub light: [f64; 3],
     /// Square of the chord at which it ends, s_R.
     pub squared: f64,
-    /// Whether it has the maximum reach.
+    /// Whether it extends to the maximum reach.
     pub whole: bool,
 }
 
@@ -69,8 +69,8 @@ pub(super) struct Veil {
 
 impl Veil {
     pub(super) fn new(kernel: &dyn GlareKernel, cells: &[Cell], hidden: Hidden) -> Self {
-        // The light of a cell is spread over the cell: within it, the kernel has its value at the edge of the cell, so that a source does not
-        // hide its own glare; a kernel that has ended there has a hundredth of its mean.
+        // Spread the light of a cell over the cell, so that a source does not hide its own glare: within the cell, use the kernel's value at the edge
+        // of the cell, but at least a hundredth of its mean, since the kernel may end before the edge.
         let spread_rad = 2.0 / (cells.len() as f64 / 6.0).sqrt();
         let spread = chord_squared(spread_rad);
         let within = kernel.per_sr(spread_rad).max(0.01 * kernel.share_within(spread_rad) / (PI * spread));
@@ -86,8 +86,8 @@ impl Veil {
         Self { cd_m2, hidden_cd_m2 }
     }
 
-    /// Lowers the thresholds where the hidden sources would be visible together: the standard deviation of their error must be within the
-    /// tolerance, and also the light that sources too faint to be drawn individually scatter into their own pixels, which no sprite shows.
+    /// Lowers the thresholds where the hidden sources would be visible together. The standard deviation of their error must not exceed the tolerance
+    /// plus the light that sources too faint for sprites scatter into their own pixels, which no sprite shows.
     pub(super) fn hide_less(&mut self, tolerance: f64, reach: &Reach, sources: &Brightnesses) {
         const STEPS: i32 = 10;
         for ((veil, hidden), sources) in self.cd_m2.iter().zip(&mut self.hidden_cd_m2).zip(&sources.lx) {
@@ -140,7 +140,7 @@ impl Brightnesses {
     }
 }
 
-/// Each brightness range with sources: illuminance of one source and of all, lx.
+/// Each brightness range that contains sources: illuminance of one source and of all sources, lx.
 fn with_illuminances(sources: &[f64; BRIGHTNESSES]) -> impl Iterator<Item = (f64, f64)> {
     let of_range = |range: usize| (LEAST_LN_LX + (range as f64 + 0.5) / PER_E_FOLD).exp();
     sources.iter().enumerate().filter(|(_, lx)| **lx > 0.0).map(move |(range, lx)| (of_range(range), *lx))
@@ -168,14 +168,14 @@ pub(super) struct Reach {
     per_sr: Vec<f64>,
     /// Mean of the kernel within the narrowest sprite, 1/sr.
     narrowest_per_sr: f64,
-    /// Integrals of the squared kernel over the sky from there to the widest sprite, 1/sr.
+    /// Integrals of the squared kernel over the sky, from each of these chords to the widest sprite, 1/sr.
     beyond: Vec<f64>,
     /// Fraction of a source's light that is scattered within the resolution of the pixels.
     core_share: f64,
 }
 
 impl Reach {
-    /// Sprites from the resolution of the pixels, as given by `shown`, to `most_rad`.
+    /// For sprites whose sizes range from the resolution of the pixels, as given by `shown`, to `most_rad`.
     pub(super) fn new(kernel: &dyn GlareKernel, shown: Option<&ShownCore>, most_rad: f64) -> Self {
         const ENTRIES: u32 = 512;
         let least_squared = shown.map_or(f64::INFINITY, |shown| shown.core.squared);
@@ -209,7 +209,7 @@ impl Reach {
     /// Standard deviation over a cell of a [`Veil`] of the light that is missing if sources below `hidden_cd_m2` have no sprites, cd/m^2. The
     /// sources are independent and uniformly distributed in the cell.
     fn deviation_cd_m2(&self, hidden_cd_m2: f64, sources: &[f64; BRIGHTNESSES]) -> f64 {
-        // A kernel c / s with the fade 1 - u^2 (3 - 2 u) leaves (3 u - 2 u^2) c / s_R inside: the mean of its square over u.
+        // A kernel c / s with the fade 1 - u^2 (3 - 2 u) leaves (3 u - 2 u^2) c / s_R inside. The constant is the mean of (3 u - 2 u^2)^2 over u.
         const INSIDE: f64 = 0.8;
         let variance: f64 = with_illuminances(sources)
             .map(|(lx, of_all)| {
@@ -231,8 +231,8 @@ impl Reach {
         self.core_share * faint.map(|(_, of_all)| of_all).sum::<f64>() / CELL_SR
     }
 
-    /// Index of the entry at which the sprite of a source ends: where the kernel falls below the given value, 1/sr, or at the narrowest entry whose
-    /// mean does.
+    /// Index of the entry at which the sprite of a source ends: where the kernel falls below the given value, 1/sr. It is the narrowest entry if only
+    /// the mean within the narrowest sprite exceeds the value.
     fn ends_at(&self, hidden_per_sr: f64) -> Option<usize> {
         let visible = self.per_sr.partition_point(|per_sr| *per_sr > 0.0 && *per_sr >= hidden_per_sr);
         let narrowest = self.narrowest_per_sr > 0.0 && self.narrowest_per_sr >= hidden_per_sr;
@@ -240,7 +240,7 @@ impl Reach {
         entries.checked_sub(1).filter(|last| *last < self.squares.len())
     }
 
-    /// Illuminance from which the glare of a source exceeds a luminance, lx.
+    /// Illuminance above which the glare of a source exceeds a luminance, lx.
     pub(super) fn least_lx(&self, hidden_cd_m2: f64) -> f64 {
         let most = self.per_sr.first().map_or(0.0, |narrowest| narrowest.max(self.narrowest_per_sr));
         if most > 0.0 { hidden_cd_m2 / most } else { f64::INFINITY }
@@ -254,7 +254,7 @@ impl Reach {
     }
 }
 
-/// Fractions of a source's light that sprites have in a class of pixels.
+/// Fraction of a source's light that its sprite contains, for a class of pixels.
 pub(super) struct Shares {
     squares: Vec<f64>,
     shares: Vec<f64>,
@@ -262,7 +262,7 @@ pub(super) struct Shares {
 }
 
 impl Shares {
-    /// Sprites end at squares of chords up to `most`; a whole one has the fraction `whole` of its source's light.
+    /// Sprites end at squares of chords up to `most`. A sprite that extends to the maximum reach contains the fraction `whole` of its source's light.
     pub(super) fn new(kernel: &dyn GlareKernel, shown: &ShownCore, most: f64, whole: f64) -> Self {
         const ENTRIES: u32 = 64;
         let least = shown.core.squared;
@@ -283,7 +283,7 @@ impl Shares {
     }
 }
 
-/// Makes a cell of each run of items with the same key, in order. Inputs: index range of a run, centre of the cell of a key, and direction and
+/// Makes one cell of each run of consecutive items with the same key. `middle` returns the centre of the cell of a key, `reach` the direction and the
 /// reach of an item.
 fn runs<T, K: PartialEq>(
     items: &[T],

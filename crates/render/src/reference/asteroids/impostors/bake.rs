@@ -141,7 +141,7 @@ fn bake_tile(
     texels
 }
 
-/// Gives every uncovered texel the values of the nearest covered one; among equals, the first in order.
+/// Gives every uncovered texel the values of the nearest covered one, or of the first of several equally near ones.
 fn bleed(texels: &mut [Texel], side: usize) {
     let covered: Vec<(usize, Texel)> =
         texels.iter().copied().enumerate().filter(|(_, texel)| texel.coverage > 0.0).collect();

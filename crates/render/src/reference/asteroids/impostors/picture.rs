@@ -50,7 +50,7 @@ impl Sight {
         Self { view_from_shape, centre, middle, half_width: 0.5 * side as f64 * pixel_rad, side, samples }
     }
 
-    /// Builds a picture from a function that returns the unit normal seen by each sample, view axes, or nothing.
+    /// Builds a picture from a function that returns the visible unit normal, view axes, of each sample, or nothing.
     fn picture(&self, seen: impl Fn(usize, usize) -> Option<DVec3>) -> Picture {
         let share = 1.0 / (self.samples * self.samples) as f64;
         let pixels = self.side * self.side;

@@ -12,7 +12,7 @@ pub(super) struct Projected {
     pub place: DVec2,
     /// Larger is nearer; linear on the grid.
     pub nearness: f64,
-    /// Inverse of the depth that divides in the projection; 1 for a parallel projection.
+    /// Inverse of the depth by which the projection divides; 1 for a parallel projection.
     pub weight: f64,
 }
 

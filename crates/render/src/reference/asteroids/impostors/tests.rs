@@ -71,7 +71,7 @@ fn a_tumbling_asteroid_looks_like_its_mesh() {
                 distance(method, &shape)
             );
             if method == EulerAtlas {
-                // The published method fails; its figure is the size of the failure.
+                // The published method does not reach the limit; assert that its error is large.
                 assert!(least < LEAST_IOU && normals > 5.0, "{least} {normals}");
             } else {
                 assert!(least >= LEAST_IOU, "{} {off_axis_deg}: {least}", method.name());
@@ -111,15 +111,14 @@ fn tumbling_through_the_poles_jumps_by_at_most_one_tile() {
     let step = 0.06_f64.to_radians();
     for method in [OctahedralBlend, Octahedral, EulerAtlas] {
         let jump = greatest_jump(method, step).to_degrees();
-        // From corner to corner of a tile.
+        // Diagonal of a tile, as an angle.
         let tile = match method {
             EulerAtlas => direction_error_bound_rad(method, TILES).unwrap(),
             _ => 2.0 * direction_error_bound_rad(Octahedral, TILES).unwrap(),
         };
         println!("{}: greatest jump {jump:.3} deg, a tile is {:.2} deg", method.name(), tile.to_degrees());
         if method == EulerAtlas {
-            // More than a tile where the motion passes exactly through a pole: pitch and roll come from rounding errors
-            // there.
+            // At the exact pole, the jump is larger than a tile: pitch and roll come from rounding errors there.
             assert!(jump > 10.0, "{jump}");
             continue;
         }

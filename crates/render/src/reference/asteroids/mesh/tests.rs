@@ -135,7 +135,7 @@ fn a_sphere_has_its_solid_angle_and_light_in_every_projection() {
         (&face, DVec3::new(-0.5, 0.6, -1.0)),
         (&fisheye, DVec3::new(1.0, 0.3, 0.1)),
         (&equirectangular, DVec3::new(1.0, 0.1, 0.4)),
-        // The pole, and behind the eye across the picture's edge.
+        // The poles, and a direction behind the eye, where the sphere crosses the picture's edge.
         (&equirectangular, DVec3::new(0.02, 1.0, 0.01)),
         (&equirectangular, DVec3::new(0.05, -1.0, 0.03)),
         (&equirectangular, DVec3::new(0.01, 0.2, 1.0)),

@@ -6,8 +6,8 @@
 //! - *surfaces*, `Rgba8Unorm`: albedo divided by [`ImpostorAtlas::albedo_scale`], and depth along the tile's direction
 //!   in units of the shape's bounding radius (0 to 1; 0.5 in the middle, 1 towards the eye).
 //!
-//! Another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]). The renderer uploads them layer by layer with
-//! the frames before, so that no frame waits for all of them. The cache of the process keeps the finest levels.
+//! Another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]). The renderer uploads them layer by layer during
+//! earlier frames, so that no frame waits for all of them. The cache of the process keeps the finest levels.
 //!
 //! No twin: reference/asteroids/impostors/bake.rs.
 
@@ -250,7 +250,7 @@ struct Shared {
     /// Limits of the renderer's adapter.
     limits: wgpu::Limits,
     baked: Mutex<Baked>,
-    /// Told after each upload.
+    /// Signalled after each upload.
     uploaded: Condvar,
 }
 
@@ -347,7 +347,7 @@ fn layers_of(shapes: &ShapeSet, size: AtlasSize) -> Vec<Vec<Level>> {
     finest.into_par_iter().map(|finest| levels(finest, size.tiles * size.tile_px, count)).collect()
 }
 
-/// Number of bytes of a layer's normals, then normals and surfaces, of every layer.
+/// Serialises all layers: for each, the number of bytes of its normals, then normals and surfaces.
 fn to_bytes(finest: &Vec<Level>) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(finest.iter().map(|level| 8 + level.normals.len() + level.surfaces.len()).sum());
     for level in finest {

@@ -1,7 +1,7 @@
 //! Bakes impostor atlases on the CPU, on all cores: the finest mesh of a shape is drawn onto every tile, and every texel
 //! is the mean of its samples.
 //!
-//! The same bits on every adapter, so a cached atlas serves all of them. On a software driver it is faster than its
+//! Every adapter gets the same bits, so a cached atlas serves all of them. On a software driver it is faster than its
 //! rasteriser, because nothing but the nearest triangle and its depth is written per sample.
 //!
 //! No shader: works on the CPU.
@@ -23,7 +23,7 @@ use crate::{
 
 /// Samples along the side of a texel.
 const SAMPLES: usize = 4;
-/// Number of a triangle at samples that none covers.
+/// Triangle number of samples that no triangle covers.
 const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Layout and size of an atlas.
@@ -89,7 +89,7 @@ pub(super) struct Samples {
     depths: Vec<f32>,
     /// Index into `seen`, or [`NO_TRIANGLE`].
     triangles: Vec<u32>,
-    /// What a triangle shows at its samples: normal and albedo.
+    /// Normal and albedo of a triangle at its samples.
     seen: Vec<Plane<Vec4>>,
     /// Position in samples from the top left, and depth.
     vertices: Vec<Vec3>,
@@ -211,8 +211,8 @@ impl<'a> TileBaker<'a> {
     }
 }
 
-/// The first sample, at `index + 0.5`, that is not before a position in the picture: the nearest integer. Adding 2^23 rounds
-/// an f32 to an integer and leaves it in the lowest bits; `f32::round` is a call into the C library.
+/// The first sample, at `index + 0.5`, that is not before a position in the picture: the nearest integer. Adding 2^23 rounds an f32 to an integer and
+/// leaves it in the lowest bits; `f32::round` would call the C library.
 #[inline]
 fn first_sample(position: f32) -> usize {
     const TWO_TO_23: f32 = 8_388_608.0;

@@ -76,7 +76,7 @@ fn baked_atlases_match_the_twin() {
         let [coverage, normal, depth, albedo] = atlas_difference(&shape, layout, &twin, 1.5);
         println!("{layout:?}: coverage {coverage:.2e}, normal {normal:.2e}, depth {depth:.2e}, albedo {albedo:.2e}");
         assert!(coverage < 1e-5 && normal < 1e-5 && depth < 1e-5 && albedo < 1e-5);
-        // The atlas of another shape must differ, including with the same layout.
+        // The atlas of another shape must differ, even with the same layout.
         let other = Atlas::bake(&bumpy(0.1), layout, TILES, TILE_PX, 4);
         let [coverage, normal, ..] = atlas_difference(&shape, layout, &other, 1.5);
         assert!(coverage > 0.01 && normal > 0.05, "{coverage} {normal}");

@@ -7,7 +7,7 @@
 //! No shader: works on texels on the CPU.
 //! No twin: works on texels on the CPU.
 
-/// Texel with components in the range of the textures.
+/// Texel whose components have the value ranges of the textures.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(super) struct Texel {
     /// Normal, mapped from -1..1 to 0..1, and coverage.
@@ -152,11 +152,11 @@ const AROUND: [[isize; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-
 
 /// Fills in colours of the uncovered texels of a tile of `px` x `px` texels.
 pub(super) fn bleed(texels: &mut [Texel], px: usize) {
-    // Flags of the texels, with a border of one texel around the tile. The border counts as reached, without a colour.
+    // Flags of the texels, with a border of one texel around the tile. The border counts as reached and has no colour.
     let width = px + 2;
     let mut has_colour = vec![false; width * width];
     let mut is_reached = vec![true; width * width];
-    // Texels of the last ring, as indices of a flag and of a texel. The first ring is all covered texels.
+    // Texels of the last ring: each with the index of its flag and the index of its texel. The first ring is all covered texels.
     let mut ring = Vec::with_capacity(texels.len());
     for (line, texels) in texels.chunks_exact(px).enumerate() {
         let flag = (line + 1) * width + 1;
@@ -169,7 +169,7 @@ pub(super) fn bleed(texels: &mut [Texel], px: usize) {
             }
         }
     }
-    // From both indices of a texel to those of its neighbours. A step back is the complement, and additions wrap.
+    // Differences between both indices of a texel and those of its neighbours. Negative differences wrap, and so do additions.
     let step = |x: isize, y: isize, width: usize| (y * width as isize + x) as usize;
     let steps = AROUND.map(|[x, y]| [step(x, y, width), step(x, y, px)]);
     let (mut next, mut means) = (Vec::new(), Vec::new());
@@ -241,7 +241,7 @@ fn coarser(side: usize, finer: impl Fn(usize) -> Texel) -> Vec<Texel> {
 mod tests {
     use super::*;
 
-    /// Texels of a tile of 8 x 8 texels; those from (2, 2) to (5, 5) have `inside`.
+    /// Texels of a tile of 8 x 8 texels; those from (2, 2) to (5, 5) have the value `inside`.
     fn tile(inside: Texel) -> Vec<Texel> {
         let is_inside = |i| (2..6).contains(&(i % 8)) && (2..6).contains(&(i / 8));
         (0..64).map(|i| if is_inside(i) { inside } else { Texel::default() }).collect()

@@ -292,8 +292,8 @@ impl MapPasses {
         dispatch(gpu, pass, &self.sharpen, &buffers, (edge_cells + RIM).div_ceil(MAP_SIDE));
     }
 
-    /// Computes the map. If one of `held` has the same cells, their light is not gathered again: it takes most of the time, and the
-    /// exposure changes only bumps and sprites.
+    /// Computes the map. If one of `held` has the same cells, their light is not gathered again: gathering takes most of the time, and the exposure
+    /// changes only bumps and sprites.
     pub(super) fn make<'a>(
         &self,
         gpu: &Gpu,

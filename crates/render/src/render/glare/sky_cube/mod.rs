@@ -44,7 +44,7 @@ struct SkyScene<'a> {
     faintest_lx: f64,
     /// Relative tolerance: veil that a source may add without being drawn individually.
     tolerance: f64,
-    /// Absolute tolerance of the same, cd/m^2, as if all light were scattered.
+    /// The same tolerance as an absolute veil, cd/m^2, as if all light were scattered.
     least_cd_m2: f64,
 }
 
@@ -108,7 +108,7 @@ pub(super) struct SkyCube {
     held: Vec<[Option<Held>; 2]>,
     /// Sums of the light of distant stars.
     far: FarLight,
-    /// Of the last frame of the first series: its views, and its budget if its veil was in the sums.
+    /// Views of the last frame of the first series, and its budget if its veil was in the sums.
     last: Option<(Views, Option<VeilInSums>)>,
     /// Data shared by the batches of a frame.
     veil_frame: Option<VeilFrame>,
@@ -117,7 +117,7 @@ pub(super) struct SkyCube {
     lists: GrowingBuffer,
 }
 
-/// The map of frames whose veil is in the sums, of a series.
+/// Returns a series' map of frames whose veil is in the sums.
 fn held_in_sums(held: &[[Option<Held>; 2]], series: Series) -> &Held {
     let held = held.get(series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
     let Some(held) = held else { unreachable!("the map is made before the veil") };
@@ -243,7 +243,7 @@ impl SkyCube {
     }
 
     /// Computes the map of a changed scene in advance, assuming the views of the last frame. The time is then spent
-    /// here and not between the poses of a headset and its picture.
+    /// here, and not between reading the poses of a headset and showing its picture.
     pub(super) fn hold_map(&mut self, holding: &Holding<'_>) {
         let (Some((views, in_sums)), Some(kernel)) = (&self.last, holding.kernel) else { return };
         let scene = SkyScene::new(holding.scene, &holding.methods.glare_map, *in_sums);

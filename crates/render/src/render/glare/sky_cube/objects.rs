@@ -57,7 +57,7 @@ fn body_sources(plan: &Plan, viewport: usize) -> impl Iterator<Item = &Source> {
     plan.bodies.as_ref().and_then(|plan| plan.glare.get(viewport)).into_iter().flatten()
 }
 
-/// Bodies that are points for an eye; their veil is that of stars.
+/// Bodies that are points for an eye; their veil is computed like that of stars.
 pub(super) fn points_of(plan: &Plan, viewport: usize) -> impl Iterator<Item = PointOfLight> {
     body_sources(plan, viewport).filter(|source| source.parts.is_empty()).map(|source| source.whole)
 }
@@ -91,7 +91,7 @@ pub(super) fn has_sources(plan: &Plan) -> bool {
 /// Pipelines of the pass, by form.
 pub(super) type ObjectPasses = Variants<(Variant, bool), wgpu::ComputePipeline>;
 
-/// Returns the pipeline of a form, which leaves out plain blocks if the frame has any.
+/// Returns the pipeline of a form, which skips plain blocks if the frame has any.
 pub(super) fn pipeline(passes: &ObjectPasses, gpu: &Gpu, variant: Variant, has_plain: bool) -> wgpu::ComputePipeline {
     passes.get((variant, has_plain), || {
         let own = [("ROW_GROUPS", f64::from(row_groups(gpu))), ("HAS_PLAIN", f64::from(u8::from(has_plain)))];

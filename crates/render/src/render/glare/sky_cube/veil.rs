@@ -106,8 +106,8 @@ impl VeilFrame {
 }
 
 impl SkyCube {
-    /// Reserves the grids of the smooth part over all pictures of a frame whose veil is in the sums. If the frame has plain
-    /// blocks, also those of the glare of bodies.
+    /// Reserves the grids of the smooth part over all pictures of a frame whose veil is in the sums. If the frame has plain blocks, also reserves the
+    /// grids of the glare of bodies.
     pub(in crate::render::glare) fn reserve_grids(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         let plan = frame.plan;
         targets.veil = Some(targets.reserve_points(gpu, "veil grids", point_grids(plan, SPACING)));

@@ -117,7 +117,7 @@ impl Billboards {
         self.count.get_or_init(|| CountPass::new(gpu))
     }
 
-    /// Releases everything that belongs to a scene or a size.
+    /// Releases everything that depends on the scene or on the size of images.
     pub(super) fn release(&mut self) {
         self.methods.clear();
         self.in_use = None;
@@ -133,7 +133,7 @@ impl Billboards {
             (None, None) => true,
             _ => false,
         };
-        // A pass contains the texture of its point-spread function, so it is kept only if that is unchanged.
+        // A pass contains the texture of its point-spread function, so it is kept only if the function is unchanged.
         self.methods.retain(|held| held.method != method || same(&held.psf));
         self.in_use = self.methods.iter().position(|held| held.method == method);
         if self.in_use.is_none() {

@@ -95,8 +95,8 @@ fn differences(middle: DVec3, [right, left, below, above]: [Option<DVec3>; 4]) -
     Some([along(right, left)?, along(below, above)?])
 }
 
-/// Solid angle of the polygon through the corners and the midpoints of the sides of a pixel, sr: exact if the map is flat
-/// between them and the centre, at which `middle` is shown.
+/// Solid angle of the polygon through the corners and the midpoints of the sides of a pixel, sr: exact if the map is flat between them and the
+/// centre, whose direction is `middle`.
 fn outlined_sr(source: &dyn PlaneMapping, centre: DVec2, middle: DVec3) -> Option<f64> {
     const OUTLINE: [[f64; 2]; 8] =
         [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5], [-0.5, 0.5], [-0.5, 0.0], [-0.5, -0.5], [0.0, -0.5], [0.5, -0.5]];
@@ -144,7 +144,7 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         };
         let whole = around.iter().all(Option::is_some);
         let spanned_sr = spanned.length();
-        // In a map of flat facets, only the outline of the pixel spans what it shows.
+        // In a map of flat facets, only the outline of the pixel gives its solid angle.
         let outlined_sr = outlined_sr(source, centre, direction);
         let (least, most) = (
             spanned_sr.min(density_sr).min(outlined_sr.unwrap_or(f64::NAN)),

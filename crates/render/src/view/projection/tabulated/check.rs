@@ -88,7 +88,7 @@ pub(super) fn compare(
         let off_px = found.map_or(f64::INFINITY, |found| found.distance(pixel));
         let in_sliver = off_px > REFINED_PX
             && found.is_some_and(|found| {
-                // The table goes on where the mapping ends.
+                // The table continues beyond the end of the mapping.
                 let shown = source.direction_from_pixel(found).or_else(|| nodes.between(place_of_pixel(found)));
                 is_in_sliver(source, pixel, shown.map_or(f64::NAN, |shown| shown.distance(direction)))
             });
@@ -99,7 +99,7 @@ pub(super) fn compare(
         let between = nodes.between(place).and_then(DVec3::try_normalize);
         let (Some(between), Some(quad)) = (between, nodes.quad(place)) else { return false };
         let off_rad = between.distance(point.direction);
-        // At nearly all points it is a small part of a pixel, so that the size of the pixel need not be known.
+        // At nearly all points the error is a small part of a pixel, so that the size of the pixel need not be computed.
         if off_rad <= 0.25 * shortest_side(quad) {
             return false;
         }
@@ -143,7 +143,7 @@ impl Off {
         !is_within(self.off_px, limit_px)
     }
 
-    /// Whether the error is one that every table of such a mapping has: in a sliver, or at an edge of flat facets.
+    /// Whether every table of such a mapping has an error like this one: in a sliver, or at an edge of flat facets.
     fn is_allowed(&self, source: &dyn PlaneMapping) -> bool {
         self.in_sliver || (source.is_faceted() && !self.is_beyond(FACET_LIMIT_PX))
     }
@@ -159,8 +159,8 @@ impl Off {
 }
 
 impl Found {
-    /// Directions to refine in a picture of `pixels` pixels. Fails if there are too many for kinks, unless the mapping
-    /// has edges everywhere: those stay as the table rounds them.
+    /// Directions to refine in a picture of `pixels` pixels. Fails if there are too many for kinks, unless the mapping consists of facets: its edges
+    /// are then left as the table rounds them.
     pub(super) fn to_refine(&self, source: &dyn PlaneMapping, pixels: u64) -> Result<Vec<DVec3>, TabulationError> {
         if let Some(pixel) = self.torn {
             return Err(TabulationError::Torn { pixel });

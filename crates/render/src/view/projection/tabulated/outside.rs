@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use super::starts::{Cell, NO_START};
 
-/// Uncertainty of the distance: cells are represented by their midpoints, cells.
+/// Uncertainty of the distance, in cells: each cell is represented by its midpoint.
 const SLACK_CELLS: f64 = 2.0;
 
 /// Column and row steps to the nearest cell with a start, and the index of that cell; propagated from neighbour to
@@ -38,7 +38,7 @@ pub(super) fn write_distances(cells: &mut [Cell], side: usize, scale: f64) {
 /// Lower bound of the ratio of angle to grid length, up to an angle from the axis: along lines through the axis the
 /// ratio is 1, perpendicular to them angles are shorter by sin(angle) / angle.
 fn least_stretch(angle_rad: f64) -> f64 {
-    // A path between two positions farther than a quarter turn from the axis may reach still farther out.
+    // A path between two positions that are farther than a quarter turn from the axis may pass through positions even farther from it.
     let safety = if angle_rad > PI / 2.0 { 0.8 } else { 1.0 };
     (angle_rad.sin() / angle_rad * safety).max(0.0)
 }

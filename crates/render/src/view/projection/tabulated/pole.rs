@@ -40,7 +40,7 @@ pub(super) fn pole(slivers: &[Sides]) -> Option<DVec3> {
 mod tests {
     use super::*;
 
-    /// A sliver at an angle from the pole +z that points to it, or at its side.
+    /// A sliver at an angle from the pole +z. Its longer side points to the pole, or is perpendicular to that direction.
     fn sliver(azimuth: f64, angle: f64, points_to_pole: bool) -> Sides {
         let (sin, cos) = azimuth.sin_cos();
         let (radial, around) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
@@ -55,7 +55,7 @@ mod tests {
         let found = pole(&ring(true));
         assert!(found.is_some_and(|found| found.abs_diff_eq(DVec3::Z, 1e-9)), "{found:?}");
         assert_eq!(pole(&[]), None);
-        // The two edges of a wide flat picture.
+        // Slivers at the two edges of a wide flat picture.
         let edges = [sliver(0.0, 1.5, false), sliver(3.0, 1.5, false), sliver(1.5, 1.5, false)];
         assert_eq!(pole(&edges), None);
         assert!(is_sliver([1.0, 0.05]) && !is_sliver([1.0, 0.5]));

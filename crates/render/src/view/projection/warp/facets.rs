@@ -12,7 +12,8 @@ pub(in super::super) fn triangle_sr(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * a.dot((b - a).cross(c - a)).atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
-/// From `from` to `to`, in sample units: both, and the lines of samples between them at which the map has an edge.
+/// Positions at which to cut the range from `from` to `to`, in sample units: both ends, and the lines of samples between them at which the map has an
+/// edge.
 pub(super) fn cuts(from: f64, to: f64, samples: usize) -> Vec<f64> {
     // Beyond the first and the last sample, the outermost cells continue.
     let first = (from.floor() + 1.0).max(1.0) as usize;
@@ -21,7 +22,7 @@ pub(super) fn cuts(from: f64, to: f64, samples: usize) -> Vec<f64> {
 }
 
 /// Solid angle of a rectangle of the raster, sr: `direction` at its cuts, `is_known` in the middle between them. The
-/// rectangle is cut at the columns and the rows. If a part is unknown, the rest stands for it.
+/// rectangle is cut at the columns and the rows. An unknown part counts with the mean of the rest.
 pub(super) fn rectangle_sr(
     columns: &[f64],
     rows: &[f64],
@@ -62,7 +63,7 @@ mod tests {
     fn pixels_are_cut_at_the_samples_that_have_an_edge() {
         assert_eq!(cuts(2.25, 3.25, 9), [2.25, 3.0, 3.25]);
         assert_eq!(cuts(2.0, 4.5, 9), [2.0, 3.0, 4.0, 4.5]);
-        // The first and the last sample have none.
+        // At the first and the last sample there is no edge.
         assert_eq!(cuts(-0.5, 0.5, 9), [-0.5, 0.5]);
         assert_eq!(cuts(7.5, 8.5, 9), [7.5, 8.5]);
         assert_eq!(cuts(-0.5, 1.5, 2), [-0.5, 1.5]);
@@ -70,7 +71,7 @@ mod tests {
 
     #[test]
     fn the_parts_of_a_folded_plane_add_up_and_an_unknown_part_is_replaced() {
-        // Two halves of a square, each flat: the second is narrower.
+        // The two halves of a square are flat, and the second is narrower.
         let direction = |[x, y]: [f64; 2]| {
             let wide = if x < 1.0 { x } else { 1.0 + 0.5 * (x - 1.0) };
             Some(DVec3::new(0.01 * wide, -0.01 * y, -1.0).normalize())

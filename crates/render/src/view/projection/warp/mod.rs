@@ -260,7 +260,7 @@ impl Warp {
     fn shrunk_edge(&self) -> Vec<(DVec2, DVec3)> {
         let (width, height) = (self.size[0] as usize, self.size[1] as usize);
         let centre = |x: usize, y: usize| super::pixel_centre(x as u32, y as u32);
-        // With a column on both sides and a row above and below, in which nothing is shown.
+        // Extend the raster by a column on each side and a row above and below, in which nothing is shown.
         let row = |y: usize| {
             let shown = (0..width).map(|x| y < height && self.is_known(centre(x, y)));
             [false].into_iter().chain(shown).chain([false]).collect::<Vec<bool>>()
@@ -277,7 +277,7 @@ impl Warp {
         found
     }
 
-    /// The one of them that is nearest to a direction.
+    /// The one of these pixels whose direction is nearest to a given one.
     fn nearest_at_edge(&self, direction: DVec3) -> Option<DVec2> {
         let distance = |(_, other): &&(DVec2, DVec3)| other.distance_squared(direction);
         let nearest = self.shrunk_edge.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));

@@ -3,14 +3,14 @@
 use super::super::{BUCKET_ORDER, COARSEST_PLANE, LAYERS, PLANES};
 use super::page::PageKey;
 
-/// Detail in which the stars of a cell of [`BUCKET_ORDER`] are drawn. Each has all the light of the leaves.
+/// Level of detail in which the stars of a cell of [`BUCKET_ORDER`] are drawn. Every level has the total light of the leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Detail {
     /// Composite stars.
     Composites {
-        /// Number of the brightest layers of [`LAYERS`] that are drawn star by star, less than all.
+        /// Number of layers that are drawn star by star, the brightest ones of [`LAYERS`]; at least one layer remains.
         leaves: u8,
-        /// Order of the cells, from [`COARSEST`] to [`finest_of`] these layers.
+        /// Order of the cells, from [`COARSEST`] to [`finest_of`] this number of layers.
         order: u8,
     },
     /// Every star.
@@ -24,7 +24,7 @@ pub const BASE: u8 = COARSEST;
 /// Index of their plane in [`PLANES`].
 pub const BASE_PLANE: u8 = plane(0, BASE);
 
-/// Index of the plane with the light that remains without the brightest layers, in cells of an order.
+/// Index of the plane that has the light without the `leaves` brightest layers, in cells of an order.
 const fn plane(leaves: u8, order: u8) -> u8 {
     let mut index = 0;
     while index < PLANES.len() {
@@ -36,7 +36,7 @@ const fn plane(leaves: u8, order: u8) -> u8 {
     panic!("there is no such plane")
 }
 
-/// Finest order of the composite stars that remain without the brightest layers.
+/// Finest order of the composite stars that represent the light without the `leaves` brightest layers.
 pub const fn finest_of(leaves: u8) -> u8 {
     LAYERS[leaves as usize].order + 4
 }
@@ -45,7 +45,8 @@ impl Detail {
     /// The composite stars that are always in memory.
     pub const BASE: Self = Self::Composites { leaves: 0, order: BASE };
 
-    /// Detail of the coarsest cells that are not larger than `cell_rad` (the root of their area), with at least `leaves` layers star by star.
+    /// Returns the detail with the coarsest cells that are not larger than `cell_rad` (the square root of their area), and with at least `leaves`
+    /// layers star by star.
     pub fn for_cells(cell_rad: f64, leaves: u8) -> Self {
         let composites = |leaves: u8| {
             let order = (COARSEST..=finest_of(leaves)).find(|order| cell_rad_of(*order) <= cell_rad)?;
@@ -54,7 +55,8 @@ impl Detail {
         (leaves..LAYERS.len() as u8).find_map(composites).unwrap_or(Self::Stars)
     }
 
-    /// The next coarser detail; `None` for the base. Cells grow before stars are given up, except for the finest ones of each plane.
+    /// Returns the next coarser detail; `None` for the base. First fewer layers are drawn star by star; the cells become larger only if the next
+    /// plane has no cells of their order. When no layer is left, the cells become larger.
     pub fn coarser(self) -> Option<Self> {
         match self {
             Self::Stars => {
@@ -70,7 +72,7 @@ impl Detail {
         }
     }
 
-    /// The coarser of each part of two details.
+    /// Returns the coarser of the two numbers of layers, with the coarser of the two orders.
     #[must_use]
     pub fn at_most(self, most: Self) -> Self {
         match (self, most) {
@@ -82,7 +84,7 @@ impl Detail {
         }
     }
 
-    /// The root of the area of its cells, rad; 0 for stars.
+    /// Square root of the area of its cells, rad; 0 for stars.
     pub fn cell_rad(self) -> f64 {
         match self {
             Self::Composites { order, .. } => cell_rad_of(order),
@@ -98,7 +100,8 @@ impl Detail {
         }
     }
 
-    /// Calls `add` for each page of a cell of [`BUCKET_ORDER`]; only the first `layers` layers of [`LAYERS`] are drawn star by star, if their stars are.
+    /// Calls `add` for each page of a cell of [`BUCKET_ORDER`]. Of the layers that are drawn star by star only the first `layers` layers of
+    /// [`LAYERS`] are included.
     pub fn pages(self, bucket: u64, layers: usize, mut add: impl FnMut(PageKey)) {
         let plane = match self {
             Self::Composites { leaves, order } => Some(plane(leaves, order)),
@@ -118,7 +121,7 @@ impl Detail {
     }
 }
 
-/// The root of the area of a cell of an order, rad.
+/// Square root of the area of a cell of an order, rad.
 pub fn cell_rad_of(order: u8) -> f64 {
     (std::f64::consts::PI / 3.0).sqrt() / f64::from(1_u32 << order)
 }
@@ -162,14 +165,14 @@ mod tests {
         let degrees = |order: u8| cell_rad_of(order).to_degrees();
         assert!((degrees(9) - 0.114_5).abs() < 1e-4);
         let composites = |leaves: u8, order: u8| Detail::Composites { leaves, order };
-        // Finer cells are those of fainter light.
+        // The finest cells are available only for the light of fainter stars.
         let fitting = [(7, 0), (8, 0), (9, 0), (10, 0), (11, 1), (12, 2)];
         for (order, leaves) in fitting {
             assert_eq!(Detail::for_cells(cell_rad_of(order), 0), composites(leaves, order));
         }
         assert_eq!(Detail::for_cells(0.99 * cell_rad_of(10), 0), composites(1, 11));
         assert_eq!(Detail::for_cells(0.99 * cell_rad_of(12), 0), Detail::Stars);
-        // Bright layers are drawn star by star whatever the cells.
+        // Bright layers are drawn star by star, independent of the size of the cells.
         assert_eq!(Detail::for_cells(cell_rad_of(9), 2), composites(2, 9));
         assert_eq!(Detail::for_cells(cell_rad_of(9), 3), Detail::Stars);
     }

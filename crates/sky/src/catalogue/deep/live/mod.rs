@@ -1,6 +1,7 @@
 //! A deep store that a scene draws: pages are read when views need them, and kept in memory up to a limit.
 //!
-//! [`detail`] lists the pages of each degree of detail, [`page`] is what a page holds, and `pages` keeps and reads them in the background.
+//! [`detail`] lists the pages of each level of detail, [`page`] defines the content of a page, and `pages` reads pages in the background and keeps
+//! them in memory.
 
 pub mod detail;
 pub mod page;
@@ -25,7 +26,7 @@ use super::reader::{DeepStar, DeepStore};
 use super::tile::Tile;
 use super::{BUCKET_ORDER, BUCKETS, LAYERS};
 
-/// The stars of a deep store as an epoch sees them. Clones and other epochs of the same store share its memory.
+/// The stars of a deep store as seen at an epoch. Clones and other epochs of the same store share its memory.
 #[derive(Clone, Debug)]
 pub struct DeepSky {
     epoch: Epoch,
@@ -52,7 +53,7 @@ impl Base {
     }
 }
 
-/// State of the pages of a store, for people and statistics.
+/// State of the pages of a store, for reports and statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeepStatistics {
     /// Bytes of the pages in memory.
@@ -78,7 +79,7 @@ impl DeepSky {
         Ok(Self { epoch: *epoch, readers, base })
     }
 
-    /// The same store as another epoch sees it.
+    /// Returns the same store as seen at another epoch.
     #[must_use]
     pub fn at_epoch(&self, epoch: &Epoch) -> Self {
         if *epoch == self.epoch {
@@ -97,12 +98,12 @@ impl DeepSky {
         self.base.pages.iter().map(|page| page.total_lx).sum()
     }
 
-    /// Direction (of any length), and light (linear Rec. 709, lx) of the composite stars of the base, seen from a place in pc.
+    /// Returns the composite stars of the base as seen from a position in pc: direction (of any length) and light (linear Rec. 709, lx).
     pub fn base_light(&self, place_pc: DVec3) -> impl Iterator<Item = (DVec3, [f64; 3])> {
         (0..BUCKETS).flat_map(move |bucket| self.base_light_of(bucket, place_pc))
     }
 
-    /// The same of a cell of [`super::BUCKET_ORDER`].
+    /// As [`Self::base_light`], for one cell of [`super::BUCKET_ORDER`].
     pub fn base_light_of(&self, bucket: u64, place_pc: DVec3) -> impl Iterator<Item = (DVec3, [f64; 3])> {
         let page = &self.base.pages[bucket as usize];
         page.stars.iter().map(move |star| {
@@ -112,13 +113,13 @@ impl DeepSky {
         })
     }
 
-    /// Place of a star of the store as the epoch sees it, pc.
+    /// Position of a star of the store as seen at the epoch, pc.
     pub fn place_pc(&self, star: &DeepStar) -> DVec3 {
         page::seen_place(&self.epoch, star.direction, star.distance_pc)
     }
 
-    /// The pages that are in memory, in the order of the keys; `None` for those that are not. The base always is. Pages of another epoch of the same
-    /// store are returned until they have been read again.
+    /// Returns the pages that are in memory, in the order of the keys; `None` for those that are not. The base is always in memory. Pages of another
+    /// epoch of the same store are returned until they have been read again.
     pub fn pages_of(&self, keys: &[PageKey]) -> Vec<Option<Arc<Page>>> {
         let mut held = self.pages().held(keys);
         for (held, key) in held.iter_mut().zip(keys) {
@@ -129,7 +130,7 @@ impl DeepSky {
         held
     }
 
-    /// The leaves of a layer (its index in [`super::LAYERS`]) that reach into a circle around a unit vector, and have stars.
+    /// Returns the leaves that have stars and overlap a circle around a unit vector. `layer` is the index of their layer in [`super::LAYERS`].
     pub fn leaves_near(&self, layer: usize, axis: DVec3, radius_rad: f64) -> Vec<PageKey> {
         let order = LAYERS[layer].order;
         let key = |cell: u64| PageKey::Leaf { layer: layer as u8, cell: cell as u32 };
@@ -137,14 +138,14 @@ impl DeepSky {
             let (centre, half_angle_rad) = key.cone();
             centre.angle_between(axis) <= half_angle_rad + radius_rad
         };
-        // From cells of the bucket order to those of the layer.
+        // Convert cells of the bucket order to cells of the layer.
         let shift = 2 * (order - BUCKET_ORDER);
         let buckets = (0..BUCKETS).filter(|bucket| is_near(PageKey::Tile { plane: BASE_PLANE, cell: *bucket as u32 }));
         let leaves = buckets.flat_map(|bucket| (bucket << shift..(bucket + 1) << shift).map(key));
         leaves.filter(|key| key.stars(self.store()) > 0 && is_near(*key)).collect()
     }
 
-    /// A page from memory, or read now without being kept.
+    /// Returns a page from memory; a page that is not in memory is read and not kept.
     ///
     /// # Errors
     /// It is damaged or cannot be read.
@@ -153,7 +154,7 @@ impl DeepSky {
         held.map_or_else(|| self.pages().read(key, &self.epoch).map(Arc::new), Ok)
     }
 
-    /// Asks the readers for pages, the most urgent ones first. The newest requests count.
+    /// Requests pages from the readers, which read the most urgent ones first. A newer request for a page replaces an older one.
     pub fn ask(&self, wants: &[(PageKey, f64)]) {
         self.pages().ask(&self.epoch, wants);
     }
@@ -166,22 +167,22 @@ impl DeepSky {
         self.pages().load(&self.epoch, keys)
     }
 
-    /// Sets the memory that pages may take, bytes.
+    /// Sets the limit of the memory for pages, bytes.
     pub fn set_limit(&self, bytes: u64) {
         self.pages().set_limit(bytes);
     }
 
-    /// What is in memory, and what was read.
+    /// Returns statistics of the pages in memory and of the pages read so far.
     pub fn statistics(&self) -> DeepStatistics {
         self.pages().statistics()
     }
 
-    /// Text of the first error of reading a page, if any.
+    /// Returns the message of the first error in reading a page, if there was one.
     pub fn problem(&self) -> Option<String> {
         self.pages().problem()
     }
 
-    /// Delays each page that is read in the background, to test slow disks.
+    /// Delays each read of a page in the background, to simulate a slow disk.
     #[doc(hidden)]
     pub fn set_delay(&self, delay: Duration) {
         self.pages().set_delay(delay);

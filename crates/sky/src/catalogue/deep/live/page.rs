@@ -1,8 +1,8 @@
-//! Pages: the stars of a leaf or the composite stars of a tile, in the form that the renderer reads.
+//! A page contains the stars of a leaf or the composite stars of a tile, in the form that the renderer reads.
 //!
 //! A page has a centre c, a unit vector in f32. A star is in the direction g = c + x u + y v, with the unit vectors u and v of [`page_axes`]. Seen
-//! from `camera` (pc from the barycentre), it is in the direction g - camera p, where p is its parallax in 1/pc times the length of g. So a star has the
-//! same accuracy at 100 pc and at infinity, and numbers of f32 have steps of 0.2 mas in cells of order 6.
+//! from `camera` (pc from the barycentre), the star is in the direction g - camera p, where p is its parallax in 1/pc times the length of g.
+//! Therefore a star has the same accuracy at 100 pc and at infinity; in cells of order 6, f32 numbers have steps of 0.2 mas.
 
 use std::sync::LazyLock;
 
@@ -23,7 +23,7 @@ use crate::photometry::rec709::luminance;
 /// Greatest parallax of a star in a leaf, 1/pc.
 pub const MOST_PARALLAX: f64 = 1.0 / DISTANCES_PC[0];
 
-/// Bits of a composite star that are its light; see [`Composite::from_bits`].
+/// Position of the bits of a composite star that hold its light; see [`Composite::from_bits`].
 const LIGHT_SHIFT: u32 = 32;
 
 /// Identifies a page.
@@ -45,14 +45,14 @@ pub enum PageKey {
     },
 }
 
-/// Axis and half-angle in rad of a cone around a cell.
+/// Axis and half-angle (rad) of a cone that contains a cell.
 fn cone_of(order: u8, cell: u64) -> (DVec3, f64) {
     let frame = CellFrame::new(order, cell);
     (frame.centre, frame.radius_rad())
 }
 
-/// Cones of the cells of the bucket order and of the next orders: frames test most of them. They are not computed in parallel: a thread
-/// of the pool that waits for a part may begin other work, which needs the cones that it computes.
+/// Cones of the cells of the bucket order and of the next two orders, of which each frame tests most. They are not computed in parallel: a pool
+/// thread that waits for a part of the result may start other work that needs these cones, and would wait for itself.
 static CONES: [LazyLock<Vec<(DVec3, f64)>>; 3] = [
     LazyLock::new(|| cones_of(BUCKET_ORDER)),
     LazyLock::new(|| cones_of(BUCKET_ORDER + 1)),
@@ -79,12 +79,12 @@ impl PageKey {
         }
     }
 
-    /// Whether it holds composite stars.
+    /// Whether the page contains composite stars.
     pub fn is_composite(self) -> bool {
         matches!(self, Self::Tile { .. })
     }
 
-    /// Number of its stars in a store, without reading it.
+    /// Number of stars of the page in a store, without reading the page.
     pub fn stars(self, store: &DeepStore) -> u32 {
         match self {
             Self::Leaf { layer, cell } => store.leaf_stars(usize::from(layer), u64::from(cell)),
@@ -92,7 +92,7 @@ impl PageKey {
         }
     }
 
-    /// Axis, a unit vector, and half-angle in rad of a cone with all stars of the cell.
+    /// Axis (a unit vector) and half-angle (rad) of a cone that contains all stars of the cell.
     pub fn cone(self) -> (DVec3, f64) {
         let (order, cell) = (self.order(), self.cell());
         match CONES.get(usize::from(order - BUCKET_ORDER)) {
@@ -110,25 +110,25 @@ pub struct PageStar {
     pub xy: [f32; 2],
     /// Parallax in 1/pc, times the length of its direction g.
     pub parallax: f32,
-    /// Its light at the barycentre: of a star that of [`PackedStar`], of a composite star the upper 32 bits of its word.
+    /// Encoded light at the barycentre: for a star as in [`PackedStar`], for a composite star the upper 32 bits of its word.
     pub light: u32,
 }
 
 impl PageStar {
-    /// Light of a star of a leaf, in the form of a star at infinity.
+    /// Returns the light of a star of a leaf, as a packed star at infinity.
     pub fn packed(&self) -> PackedStar {
         PackedStar { offset_pc: [0.0; 3], light: self.light }
     }
 }
 
-/// Parts of [`PackedStar::light`] by code. A star has the bits of both of its codes.
+/// The bits of [`PackedStar::light`] for each code of the light and of the temperature. The light of a star combines the bits of both codes.
 struct PackedLights {
     /// By layer.
     of_light: [Vec<u32>; LAYERS.len()],
     of_temperature: Vec<u32>,
 }
 
-/// Computed once: the logarithms would take longer than everything else of a star.
+/// Computed once, because computing the logarithms for each star would take longer than everything else.
 static PACKED_LIGHTS: LazyLock<PackedLights> = LazyLock::new(|| {
     let packed = |illuminance_lx, temperature_k| PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
     let of_light = |layer: usize| {
@@ -143,19 +143,19 @@ static PACKED_LIGHTS: LazyLock<PackedLights> = LazyLock::new(|| {
 /// The stars of a leaf or tile.
 #[derive(Clone, Debug)]
 pub struct Page {
-    /// Identity, different for every page that was ever read.
+    /// Identifier, unique among all pages that were ever read.
     pub id: u64,
     /// Leaf or tile.
     pub key: PageKey,
-    /// Direction of its centre, a unit vector in f32, ICRS axes.
+    /// Direction of the centre of its cell, a unit vector in f32, ICRS axes.
     pub centre: Vec3,
     /// Its stars, those of a leaf from the brightest to the faintest.
     pub stars: Vec<PageStar>,
     /// Illuminance at the barycentre of the brightest star, lx.
     pub brightest_lx: f64,
-    /// The same of the faintest star.
+    /// Illuminance at the barycentre of the faintest star, lx.
     pub faintest_lx: f64,
-    /// The same of all stars together.
+    /// Illuminance at the barycentre of all stars together, lx.
     pub total_lx: f64,
 }
 
@@ -178,11 +178,11 @@ impl PageFrame {
         Self { centre, axes: page_axes(centre) }
     }
 
-    /// A star at a place, pc from the barycentre.
+    /// Converts a star at a position, pc from the barycentre.
     fn star(&self, place: DVec3, light: u32) -> PageStar {
         let scale = self.centre.length_squared() / place.dot(self.centre);
         let [x, y] = self.axes.map(|axis| place.dot(axis) * scale);
-        // The length of g over the distance.
+        // The length of g divided by the distance.
         PageStar { xy: [x as f32, y as f32], parallax: scale as f32, light }
     }
 }
@@ -232,7 +232,7 @@ impl Page {
         page
     }
 
-    /// The composite stars of a tile. Its identity is 0.
+    /// Creates a page of the composite stars of a tile. Its identifier is 0.
     pub(super) fn of_tile(plane: usize, cell: u64, tile: &Tile, epoch: &Epoch) -> Self {
         let order = PLANES[plane].order;
         let cells = CellFrame::new(tile_order(order), cell);
@@ -250,12 +250,12 @@ impl Page {
         page
     }
 
-    /// Bytes that its stars take.
+    /// Size of its stars in memory, bytes.
     pub fn bytes(&self) -> u64 {
         (self.stars.len() * size_of::<PageStar>()) as u64
     }
 
-    /// Bytes that it takes in its file.
+    /// Size of the page in its file, bytes.
     pub fn file_bytes(&self) -> u64 {
         let stars = self.stars.len() as u32;
         8 * match self.key {
@@ -266,12 +266,12 @@ impl Page {
 
     /// Whether a star of the page has a distance.
     pub fn is_distance_known(&self, star: &PageStar) -> bool {
-        // Half a step of the codes of distances nearer than the farthest one, which stands for infinity.
+        // The limit is half a code step nearer than the farthest distance, which means infinity.
         f64::from(star.parallax) * DISTANCES_PC[1] > 1.0 + 3e-3
     }
 
-    /// Direction g of a star minus its displacement by the camera's place (pc from the barycentre), and its illuminance there relative to that at
-    /// the barycentre.
+    /// Returns the direction g of a star as seen by the camera, and the star's illuminance there relative to that at the barycentre. The direction is
+    /// g minus the displacement by the camera's position (pc from the barycentre).
     pub fn seen(&self, star: &PageStar, camera_pc: DVec3) -> (DVec3, f64) {
         let centre = self.centre.as_dvec3();
         let [u, v] = page_axes(centre);
@@ -281,7 +281,7 @@ impl Page {
     }
 }
 
-/// Place of a star of the store as an epoch sees it, pc. Stars at infinity stand at the farthest distance of a word.
+/// Position of a star of the store as seen at an epoch, pc. Stars at infinity get the farthest distance that a word can hold.
 pub(super) fn seen_place(epoch: &Epoch, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
     epoch.seen_place(direction * distance_pc.unwrap_or(DISTANCES_PC[1]), true)
 }

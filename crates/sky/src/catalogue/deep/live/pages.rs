@@ -1,4 +1,4 @@
-//! Keeps pages in memory up to a limit, and reads those that views ask for, in threads of its own.
+//! Keeps pages in memory up to a limit, and reads those that views ask for, in separate threads.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,15 +14,15 @@ use super::super::reader::DeepStore;
 use super::DeepStatistics;
 use super::page::{Page, PageKey};
 
-/// Threads that read pages.
+/// Number of threads that read pages.
 const READERS: usize = 2;
-/// Pages that a thread takes at a time.
+/// Number of pages that a thread takes from the list at a time.
 const TAKEN_AT_ONCE: usize = 16;
-/// A request that is not renewed for this time is dropped: the view has moved on.
+/// A request that is not renewed within this time is dropped: the view has moved on.
 const FORGOTTEN_AFTER: Duration = Duration::from_millis(1500);
 /// A page that was drawn within this time is not removed.
 const KEPT_FOR: Duration = Duration::from_millis(500);
-/// Memory for pages before a limit is set, bytes.
+/// Limit of the memory for pages until another one is set, bytes.
 const FIRST_LIMIT: u64 = 1 << 30;
 
 /// A page in memory.
@@ -47,10 +47,10 @@ struct State {
     wants: HashMap<PageKey, Want>,
     limit: u64,
     statistics: DeepStatistics,
-    /// Text of the first error, and the pages that could not be read.
+    /// Message of the first error, and the pages that could not be read.
     problem: Option<String>,
     damaged: HashSet<PageKey>,
-    /// Delay before each page is read in the background, to test slow disks.
+    /// Delay before each read of a page in the background, to simulate a slow disk.
     delay: Duration,
     is_closing: bool,
 }
@@ -63,13 +63,13 @@ pub(super) struct Pages {
     wake: Condvar,
 }
 
-/// Threads that read the pages of a store; they end with the last user.
+/// Threads that read the pages of a store; they end when their last user is dropped.
 #[derive(Debug)]
 pub(super) struct Readers {
     pages: Arc<Pages>,
 }
 
-/// Identity of a new page, different from those of all stores.
+/// Returns an identifier for a new page that is unique among the pages of all stores.
 pub(super) fn new_id() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(1);
     NEXT.fetch_add(1, Ordering::Relaxed)
@@ -150,7 +150,7 @@ impl Pages {
     pub(super) fn load(&self, epoch: &Epoch, keys: &[PageKey]) -> Result<(), DeepError> {
         let missing: Vec<PageKey> = {
             let mut state = self.state();
-            // Not twice, here and in the background.
+            // Avoid reading a page both here and in the background.
             state.wants.clear();
             let is_held = |key: &&PageKey| state.held.get(key).is_some_and(|held| held.epoch == *epoch);
             keys.iter().filter(|key| !is_held(key) && !state.damaged.contains(key)).copied().collect()
@@ -196,7 +196,7 @@ impl Pages {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Reads what is asked for until the last user has gone.
+    /// Reads requested pages until the last user is dropped.
     fn serve(&self) {
         loop {
             let taken = {
@@ -232,7 +232,7 @@ impl Pages {
 }
 
 impl State {
-    /// The most urgent requests, removed from the list; forgotten ones are dropped.
+    /// Removes the most urgent requests from the list and returns them; drops requests that were not renewed.
     fn take(&mut self) -> Vec<(PageKey, Want)> {
         self.wants.retain(|_, want| want.asked.elapsed() < FORGOTTEN_AFTER);
         let mut wants: Vec<(PageKey, Want)> = self.wants.iter().map(|(key, want)| (*key, *want)).collect();
@@ -248,7 +248,7 @@ impl State {
         wants
     }
 
-    /// Notes a page that cannot be read. It is not tried again.
+    /// Records that a page cannot be read, so that it is not tried again.
     fn note(&mut self, key: PageKey, error: &DeepError) {
         tracing::error!("stars cannot be read: {error}");
         self.damaged.insert(key);
@@ -264,7 +264,7 @@ impl State {
         self.statistics.bytes = self.statistics.bytes + bytes - before.map_or(0, |held| held.page.bytes());
     }
 
-    /// Removes pages that were not used for the longest time until the rest fits. Pages that were used just now stay.
+    /// Removes the least recently used pages until the rest fits. Pages that were used a moment ago stay.
     fn make_room(&mut self) {
         if self.statistics.bytes <= self.limit {
             return;
@@ -272,7 +272,7 @@ impl State {
         let mut oldest: Vec<(Instant, PageKey)> = self.held.iter().map(|(key, held)| (held.used, *key)).collect();
         oldest.sort_unstable();
         for (used, key) in oldest {
-            // A little more than necessary, so that not every page searches again.
+            // Free a little more than necessary, so that not every new page starts another search.
             if self.statistics.bytes <= self.limit - self.limit / 8 || used.elapsed() < KEPT_FOR {
                 break;
             }

@@ -89,7 +89,7 @@ fn composite_stars_of_pages_are_in_their_cells() {
             seen += 1;
         }
     }
-    // The steps of f32 numbers in a tile of 3.7 degrees.
+    // The limit allows for the steps of f32 numbers in a tile of 3.7 degrees.
     assert!(seen > 100 && worst < 1.0, "{seen} stars, {worst} mas");
 }
 
@@ -103,7 +103,7 @@ fn every_detail_has_the_same_light() {
     let mut detail = Detail::Stars;
     while let Some(coarser) = detail.coarser() {
         let light = sum(coarser);
-        // The remainder of rounding that no other cell of the same bucket takes over counts more in a small store.
+        // In a small store the relative error is larger, because some remainder of rounding is left over in each bucket.
         assert!((light / stars - 1.0).abs() < 2e-5, "{coarser:?}: {light} {stars}");
         detail = coarser;
     }
@@ -141,7 +141,7 @@ fn pages_are_read_in_the_background_the_most_urgent_ones_first_and_forgotten_one
     let found = held();
     let urgent = found[100..].iter().flatten().count();
     assert!(urgent >= 55, "{urgent} of the more urgent half");
-    // What is not asked for again is not read.
+    // Pages whose requests are not renewed are not read.
     thread::sleep(Duration::from_millis(1600));
     let before = sky.statistics().pages_read;
     sky.set_delay(Duration::ZERO);
