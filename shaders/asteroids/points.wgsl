@@ -1,7 +1,6 @@
-// Splats asteroids drawn as points in illuminance, like stars. A workgroup takes a group and loops over the tiles of
-// the batch whose pictures may show it. The light is that of a sphere, p E (r / D)^2 times the phase function, times
-// the shape's projected area towards the eye over pi r^2 (from a table), times the share of its classes that belongs to
-// the point.
+// Splats asteroids drawn as points in illuminance, like stars. A workgroup takes a group and loops over the tiles of the batch whose pictures may
+// show it. The light is that of a sphere, p E (r / D)^2 times the phase function, times the shape's projected area towards the eye divided by pi r^2
+// (from a table), times the share of its classes that belongs to the point.
 
 #import asteroids/class
 #import asteroids/instance
@@ -71,7 +70,7 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             if classes.current != CLASS_POINT {
                 continue;
             }
-            // Counted by the tile that contains its row, or the nearest row.
+            // The point is counted by the tile that contains its row, or by the tile with the nearest row.
             let row = select(0, clamp(i32(clamp(projected.y, -1.0, size.y)), 0, last_row), projected.z > 0.0);
             drawn += select(0u, 1u, row >= i32(tile.first_row) && row < i32(tile.first_row + tile.rows));
             let margin = viewport.gaussian_reach_px + 1.5;
@@ -96,14 +95,14 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             if !(illuminance > 0.0) {
                 continue;
             }
-            // The asteroid's own mesh or impostor, which has the rest of its light, must not hide the point; distances
-            // of pixels are rounded down.
+            // The rest of the asteroid's light is drawn as a mesh or impostor, which must not hide the point. The distances stored per pixel are
+            // rounded down.
             let foremost = (distance - shape.bound * radius) * 0.9999;
             let visible = visible_share(tile, viewport, direction, projected.xy, foremost);
             if visible > 0.0 {
                 let scale = illuminance * visible * parameters.units_per_lx;
-                let peak = peak_luminance(viewport, direction, illuminance);
-                splat(tile, viewport, direction, projected.xy, peak, light / illuminance, scale, item.first + i);
+                let image = image_of(viewport, direction, projected.xy, illuminance);
+                splat(tile, viewport, image, light / illuminance, scale, item.first + i);
             }
         }
         if drawn > 0u {

@@ -1,5 +1,5 @@
-// The point pass: splats bodies too small for a disc, and groups of asteroids too small to be resolved, in illuminance
-// like stars.
+// The point pass: splats bodies that are too small for a disc, and groups of asteroids that are too small to be resolved. Like stars, they are
+// splatted in illuminance.
 //
 // One invocation takes one point and splats it into all tiles that may show it.
 
@@ -49,8 +49,8 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         let direction = direction_from_circle(viewport, view_direction(viewport, unit), distance_m);
         let projected = pixel_from_direction(viewport, direction);
-        let peak = peak_luminance(viewport, direction, illuminance);
-        let margin = select(1.5, viewport.gaussian_reach_px, peak >= viewport.gaussian_from_cd_m2);
+        let image = image_of(viewport, direction, projected.xy, illuminance);
+        let margin = select(1.5, viewport.gaussian_reach_px, image.peak >= viewport.gaussian_from_cd_m2);
         let first_row = f32(tile.first_row);
         if !(illuminance > 0.0) || projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
             || any(projected.xy > vec2(f32(viewport.size.x), first_row + f32(tile.rows)) + margin) {
@@ -59,7 +59,7 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
         let visible = visible_share(tile, viewport, direction, projected.xy, distance_m - point.radius);
         if visible > 0.0 {
             let scale = illuminance * visible * parameters.units_per_lx;
-            splat(tile, viewport, direction, projected.xy, peak, light / illuminance, scale, index);
+            splat(tile, viewport, image, light / illuminance, scale, index);
         }
     }
 }

@@ -1,5 +1,5 @@
-// Splatting a point of light into a tile, in fixed point: the kernels on the image plane, exact at every border of a
-// picture. The f64 twin is crates/render/src/reference/stars/splat.rs.
+// Splats a point of light into a tile, in fixed point. The kernels on the image plane are exact at every border of a picture. The f64 twin is
+// crates/render/src/reference/stars/splat.rs.
 
 #import accumulate = shared/accumulate_u32 | shared/accumulate_u64
 #import constants/kernels
@@ -10,7 +10,19 @@
 #import shared/projection
 #import shared/viewport
 
-// First pixel and weights along one axis. Tent: pixels first, first + 1; B-spline: first .. first + 2.
+// The image of a point of light.
+struct Image {
+    // View axes, any length.
+    direction: vec3<f32>,
+    // The larger and the smaller angle that a pixel subtends there, rad.
+    extent: vec2<f32>,
+    // Position, pixels.
+    pixel: vec2<f32>,
+    // Luminance of a pixel that contains all of the light, cd/m^2. Kernels are chosen by this value.
+    peak: f32,
+}
+
+// Returns the first pixel of a kernel along one axis. The tent has the pixels first and first + 1, the B-spline first to first + 2.
 fn kernel_first(x: f32, tent: bool) -> f32 {
     return select(floor(x) - 1.0, floor(x - 0.5), tent);
 }
@@ -21,7 +33,7 @@ fn kernel_weights(x: f32, first: f32, tent: bool) -> vec3<f32> {
     return select(spline, vec3(1.0 - f, f, 0.0), tent);
 }
 
-// Sum of the weights within 0 .. n along one axis.
+// Returns the sum of the weights of the pixels 0 .. n along one axis.
 fn weight_inside(x: f32, n: u32, tent: bool) -> f32 {
     let first = kernel_first(x, tent);
     let weights = kernel_weights(x, first, tent);
@@ -30,7 +42,7 @@ fn weight_inside(x: f32, n: u32, tent: bool) -> f32 {
     return dot(weights, select(vec3(0.0), vec3(1.0), inside));
 }
 
-// Share of the kernel inside any of the six faces of the cube.
+// Returns the share of the kernel inside any of the six faces of the cube.
 fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
     var total = 0.0;
     let faces = u32(turns(viewport, 6));
@@ -43,7 +55,7 @@ fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
     return total;
 }
 
-// Share of the kernel inside a round or tabulated picture.
+// Returns the share of the kernel inside a round or tabulated picture.
 fn weight_in_circle(viewport: Viewport, pixel: vec2<f32>, tent: bool) -> f32 {
     let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));
     let weights_x = kernel_weights(pixel.x, first.x, tent);
@@ -79,19 +91,19 @@ fn settle(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
     return select(vec2(-1), pixel, contains(viewport, pixel));
 }
 
-// Thresholds for unbiased rounding, one per channel: a fraction above the threshold counts as a whole unit. They depend
-// only on the star's number, so the same frame gives the same bits.
+// Returns the thresholds for unbiased rounding, one per channel: a fraction above the threshold counts as a whole unit. They depend only on the
+// star's number, so the same frame gives the same bits.
 fn rounding_threshold(number: u32) -> vec3<f32> {
     let random = hash(number);
     return (vec3(f32(random & 1023u), f32((random >> 10u) & 1023u), f32((random >> 20u) & 1023u)) + 0.5) * (1.0 / 1024.0);
 }
 
-// Splats a star as a Gaussian that is round in view space. One loop first sums the weights for the norm, picture by
-// picture, and then draws, because software drivers are slow to compile the code of a weight, and this way it occurs
-// once.
-fn splat_round(tile: Tile, viewport: Viewport, towards: vec3<f32>, pixel: vec2<f32>, light: vec3<f32>, threshold: vec3<f32>) {
-    let direction = normalize(towards);
-    let extent = pixel_extent(viewport, direction);
+// Splats a star as a Gaussian that is round in view space. One loop first sums the weights for the norm, picture by picture, and then draws, because
+// software drivers are slow to compile the code of a weight, which then occurs only once.
+fn splat_round(tile: Tile, viewport: Viewport, image: Image, light: vec3<f32>, threshold: vec3<f32>) {
+    let direction = normalize(image.direction);
+    let pixel = image.pixel;
+    let extent = image.extent;
     let sigma = max(viewport.gaussian_sigma_rad, viewport.gaussian_sigma_px * extent.x);
     let cut = GAUSSIAN_CUT * sigma;
     let reach = gaussian_reach(viewport, direction, extent.y, cut);
@@ -121,8 +133,7 @@ fn splat_round(tile: Tile, viewport: Viewport, towards: vec3<f32>, pixel: vec2<f
                 if draws && weight > 0.0 {
                     let column = gaussian_pixel(viewport, vec2(x, y)).x;
                     let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
-                    // Many pixels receive a fraction of a unit. A single threshold for all of them would round their
-                    // sum with a bias.
+                    // Many pixels receive a fraction of a unit. With a single threshold for all of them, rounding would bias their sum.
                     let tap = f32((y - own.first.y) * columns + x - own.first.x);
                     accumulate(index, floor(light * (weight / norm) + fract(threshold + tap * 0.61803399)));
                 }
@@ -174,26 +185,26 @@ fn holds_image(tile: Tile, viewport: Viewport, pixel: vec2<f32>) -> bool {
     return own.x >= 0 && own.y >= i32(tile.first_row) && own.y < i32(tile.first_row + tile.rows);
 }
 
-// Luminance of a pixel that contains all light of `illuminance` lx from `direction` (any length). Kernels are chosen by
-// this value.
-fn peak_luminance(viewport: Viewport, direction: vec3<f32>, illuminance: f32) -> f32 {
+// Returns the image of `illuminance` lx from `direction` (any length) at `pixel`.
+fn image_of(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, illuminance: f32) -> Image {
     let extent = pixel_extent(viewport, normalize(direction));
-    return illuminance / (extent.x * extent.y);
+    return Image(direction, extent, pixel, illuminance / (extent.x * extent.y));
 }
 
-// Splats light in `direction`, whose image is at `pixel`, into a tile, with the kernel for the luminance `peak`.
-// `scale` is the light in units of the sums for a colour of luminance 1; `number` determines the rounding.
-fn splat(
-    tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, peak: f32, colour: vec3<f32>, scale: f32, number: u32) {
+// Splats light into a tile, with the kernel for the image's peak. `scale` is the light in units of the sums for a colour of luminance 1; `number`
+// determines the rounding.
+fn splat(tile: Tile, viewport: Viewport, image: Image, colour: vec3<f32>, scale: f32, number: u32) {
+    let pixel = image.pixel;
+    let peak = image.peak;
     let row_0 = i32(tile.first_row);
     let row_1 = i32(tile.first_row + tile.rows);
     let size = vec2<i32>(viewport.size);
     let threshold = rounding_threshold(number);
     if peak >= viewport.gaussian_from_cd_m2 {
         if viewport.gaussian_on_plane != 0u {
-            splat_plane(tile, viewport, direction, pixel, gaussian_part(viewport, peak), colour * scale, threshold);
+            splat_plane(tile, viewport, image.direction, pixel, gaussian_part(viewport, peak), colour * scale, threshold);
         } else {
-            splat_round(tile, viewport, direction, pixel, colour * scale, threshold);
+            splat_round(tile, viewport, image, colour * scale, threshold);
         }
         return;
     }
@@ -219,9 +230,9 @@ fn splat(
     let inside = in_picture && first_pixel.y >= row_0 && last_pixel.y < row_1;
     var share = 1.0;
     if !in_picture {
-        // Pictures that continue beyond this border preserve the star's light.
+        // If pictures continue beyond this border, the star's light is preserved.
         if viewport.kind == KIND_CUBE_FACE {
-            share = weight_on_cube(viewport, direction, tent);
+            share = weight_on_cube(viewport, image.direction, tent);
         } else if viewport.full_sphere != 0u {
             share = weight_in_circle(viewport, pixel, tent);
         }

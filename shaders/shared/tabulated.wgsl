@@ -7,7 +7,7 @@
 #import shared/viewport
 #import tables = shared/tables_buffer | shared/tables_texture
 
-// Direction at a node, and solid angle of its pixel in sr, 0 outside the picture. All 0 if the node has no direction.
+// Returns the direction at a node, and solid angle of its pixel in sr, 0 outside the picture. All 0 if the node has no direction.
 fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
     let counts = vec2<i32>(viewport.size) + 2 * TABLE_FRINGE;
     if any(node < vec2(0)) || any(node >= counts) {
@@ -16,7 +16,7 @@ fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
     return bitcast<vec4<f32>>(mapping_table(viewport.face + TABLE_HEADER + u32(node.y * counts.x + node.x)));
 }
 
-// Solid angle of a pixel, sr; 0 outside the picture or the image.
+// Returns the solid angle of a pixel, sr; 0 outside the picture or the image.
 fn tabulated_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(viewport.size)) {
         return 0.0;
@@ -61,26 +61,26 @@ fn linear_in_quad(quad: TableQuad, part: vec2<f32>) -> vec3<f32> {
         mix(quad.directions[0], quad.directions[1], part.x), mix(quad.directions[2], quad.directions[3], part.x), part.y);
 }
 
-// Weights of a cubic convolution (Keys 1981, with a = -1/2) at a fraction of the way between the second and the third
-// node.
-fn cubic_weights(part: f32) -> vec4<f32> {
+// Returns the weights of a cubic convolution (Keys 1981, with a = -1/2) at a fraction of the way between the second and the third node.
+fn cubic_weights(part: f32) -> array<f32, 4> {
     let rest = 1.0 - part;
-    return vec4(
+    return array<f32, 4>(
         -0.5 * part * rest * rest,
         1.0 + part * part * (1.5 * part - 2.5),
         1.0 + rest * rest * (1.5 * rest - 2.5),
         -0.5 * rest * part * part);
 }
 
-// Direction at a position by cubic convolution, of approximately unit length; w = 0 if a node is missing.
+// Returns the direction at a position by cubic convolution, of approximately unit length; w = 0 if a node is missing.
 fn cubic_in_table(viewport: Viewport, place: vec2<f32>) -> vec4<f32> {
     let first = floor(place);
-    let across = cubic_weights(place.x - first.x);
-    let down = cubic_weights(place.y - first.y);
+    var across = cubic_weights(place.x - first.x);
+    var down = cubic_weights(place.y - first.y);
     let corner = vec2<i32>(first) - 1;
     var sum = vec3(0.0);
-    for (var j = 0; j < 4; j++) {
-        for (var i = 0; i < 4; i++) {
+    let nodes = turns(viewport, 4);
+    for (var j = 0; j < nodes; j++) {
+        for (var i = 0; i < nodes; i++) {
             let direction = tabulated_node(viewport, corner + vec2(i, j)).xyz;
             if !is_direction(direction) {
                 return vec4(0.0);
@@ -91,7 +91,7 @@ fn cubic_in_table(viewport: Viewport, place: vec2<f32>) -> vec4<f32> {
     return vec4(sum, 1.0);
 }
 
-// Unit direction of a pixel coordinate, including a fringe beyond the picture; w = 0 if the table has none.
+// Returns the unit direction of a pixel coordinate, including a fringe beyond the picture; w = 0 if the table has none.
 fn tabulated_at(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     let place = pixel - 0.5 + f32(TABLE_FRINGE);
     if all(place == floor(place)) {
@@ -109,7 +109,7 @@ fn tabulated_at(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     return vec4(0.0);
 }
 
-// Unit direction of a pixel coordinate of the image; w = 0 outside the picture.
+// Returns the unit direction of a pixel coordinate of the image; w = 0 outside the picture.
 fn tabulated_direction(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     let holder = min(vec2<i32>(pixel), vec2<i32>(viewport.size) - 1);
     let own = tabulated_node(viewport, holder + TABLE_FRINGE);
@@ -139,26 +139,26 @@ fn steps_from(viewport: Viewport, node: vec2<i32>) -> TableSteps {
     return TableSteps(own, sides, across - own, down - own, exists);
 }
 
-// Larger and smaller singular value of a linear map from the plane into space, given by its columns.
+// Returns the larger and the smaller singular value of a linear map from the plane into space, given by its columns.
 fn singular_values(a: vec3<f32>, b: vec3<f32>) -> vec2<f32> {
     let squares = vec2(dot(a, a), dot(b, b));
     let larger = sqrt(0.5 * (squares.x + squares.y + length(vec2(squares.x - squares.y, 2.0 * dot(a, b)))));
     return vec2(larger, length(cross(a, b)) / max(larger, 1e-30));
 }
 
-// Direction of a point of the plane by linear continuation of the table from a pixel (column and row), of approximately
-// unit length; w = 0 if the table has no direction there.
+// Returns the direction of a point of the plane by linear continuation of the table from a pixel (column and row), of approximately unit length; w =
+// 0 if the table has no direction there.
 fn continued_from(viewport: Viewport, pixel: vec2<i32>, to: vec2<f32>) -> vec4<f32> {
     let steps = steps_from(viewport, pixel + TABLE_FRINGE);
     let by = (to - vec2<f32>(pixel) - 0.5) * vec2<f32>(steps.sides);
     return vec4(steps.own + steps.across * by.x + steps.down * by.y, select(0.0, 1.0, steps.exists));
 }
 
-// Search for a direction around a point without one: number of steps, and pixels per step.
+// Search for a direction around a point that has none: number of steps, and pixels per step.
 const LOOK_STEPS: i32 = 5;
 const LOOK_STEP_PX: i32 = 4;
 
-// Unit direction of a point of the plane. Beyond the picture, the table is continued from a nearby position.
+// Returns the unit direction of a point of the plane. Beyond the picture, the table is continued from a nearby position.
 fn tabulated_beyond(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     let last = vec2<i32>(viewport.size) - 1;
     let own = clamp(vec2<i32>(floor(pixel)), vec2(0), last);
@@ -189,7 +189,7 @@ struct TableStart {
     // Column of a node in the lower half, row in the upper half; NO_START; or PATCH_BIT and the index of a patch's
     // first group.
     word: u32,
-    // Position in the cell, from (0, 0) to (1, 1).
+    // Position of the vector in the cell, from (0, 0) to (1, 1).
     part: vec2<f32>,
 }
 
@@ -261,7 +261,7 @@ fn near_in_table(viewport: Viewport, direction: vec3<f32>) -> TableNear {
     return near;
 }
 
-// Image interpolated in a patch, given the index of its first group.
+// Returns the image interpolated in a patch, given the index of its first group.
 fn image_in_patch(viewport: Viewport, first: u32, part: vec2<f32>) -> vec2<f32> {
     let place = clamp(part, vec2(0.0), vec2(1.0)) * f32(PATCH_STEPS);
     let held = min(floor(place), vec2(f32(PATCH_STEPS) - 1.0));
@@ -274,7 +274,7 @@ fn image_in_patch(viewport: Viewport, first: u32, part: vec2<f32>) -> vec2<f32> 
     return mix(mix(a, b, inside.x), mix(c, d, inside.x), inside.y);
 }
 
-// Continuous pixel coordinates of the image of a direction (any length but 0); z = 1 if it exists.
+// Returns the continuous pixel coordinates of the image of a direction (any length but 0); z = 1 if it exists.
 fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
     let direction = normalize(towards);
     let start = start_in_table(viewport, direction);
@@ -287,8 +287,7 @@ fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
     var place = vec2(f32(start.word & 0xffffu), f32(start.word >> 16u)) + 0.5;
     var held = place;
     var near = false;
-    // If the search leaves the table, there is no image; but if the picture shows the full sphere, the last position is
-    // the image.
+    // If the search leaves the table, there is no image. If the picture shows the full sphere, however, the last position is the image.
     let exists = f32(viewport.full_sphere);
     for (var i = 0u; i < MOST_STEPS; i++) {
         let quad = table_quad(viewport, place);
@@ -304,8 +303,7 @@ fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
             let cubic = cubic_in_table(viewport, place);
             current = select(current, cubic.xyz, cubic.w > 0.0);
         }
-        // Solve for at + x along_x + y along_y parallel to the direction: Cramer's rule, ignoring the component along
-        // it.
+        // Find x and y for which at + x along_x + y along_y is parallel to the direction: Cramer's rule, ignoring the component along it.
         let missing = direction - normalize(current);
         let across = cross(along_y, direction);
         let determinant = dot(along_x, across);
@@ -323,18 +321,27 @@ fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
     return vec3(place + 0.5 - f32(TABLE_FRINGE), 1.0);
 }
 
-// Larger and smaller angle that a pixel subtends around a direction (unit vector), rad: singular values of the
-// derivative.
+// Returns the larger and the smaller angle that a pixel subtends around a direction (unit vector), rad: singular values of the derivative.
 fn tabulated_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
     let pixel = tabulated_pixel(viewport, direction).xy;
-    let middle = tabulated_at(viewport, pixel);
-    var along: array<vec3<f32>, 2>;
-    for (var axis = 0; axis < 2; axis++) {
-        let half = select(vec2(0.0, 0.5), vec2(0.5, 0.0), axis == 0);
-        let ahead = tabulated_at(viewport, pixel + half);
-        let behind = tabulated_at(viewport, pixel - half);
-        // At a border only the existing side is used.
-        along[axis] = (ahead.xyz - middle.xyz) * ahead.w * (2.0 - behind.w) + (middle.xyz - behind.xyz) * behind.w * (2.0 - ahead.w);
+    // The middle, then a step ahead and a step back along each axis, in one loop: drivers insert a copy of the code of a place at each call.
+    var middle = vec3(0.0);
+    var ahead = vec4(0.0);
+    var along = array<vec3<f32>, 2>();
+    let places = turns(viewport, 5);
+    for (var i = 0; i < places; i++) {
+        let half = select(vec2(0.0, 0.5), vec2(0.5, 0.0), i < 3);
+        let steps = select(select(-1.0, 1.0, (i & 1) == 1), 0.0, i == 0);
+        let found = tabulated_at(viewport, pixel + steps * half);
+        if i == 0 {
+            middle = found.xyz;
+        } else if (i & 1) == 1 {
+            ahead = found;
+        } else {
+            // At a border, only the side that exists is used.
+            let back = middle - found.xyz;
+            along[(i - 1) / 2] = (ahead.xyz - middle) * ahead.w * (2.0 - found.w) + back * found.w * (2.0 - ahead.w);
+        }
     }
     return singular_values(along[0], along[1]);
 }

@@ -27,13 +27,13 @@
 @group(1) @binding(0) var<storage, read> stars: array<Star>;
 @group(1) @binding(1) var<storage, read> items: array<StarItem>;
 
-// Invocations that share an item. A GPU is fastest with one or two full waves. A software driver runs a workgroup as a
-// loop of SIMD steps and reloads the item and its viewports in each, so there one step is best.
+// Invocations that share an item. A GPU is fastest with one or two full waves. A software driver runs a workgroup as a loop of SIMD steps, and
+// reloads the item and its viewports in each step, so a single step is best.
 override WORKGROUP: u32;
 // Whether the stars are those of pages of a deep store.
 override FROM_PAGES: bool;
 
-// Light of a composite star, linear Rec. 709, lx: crates/sky/src/catalogue/deep/composite.rs.
+// Returns the light of a composite star, linear Rec. 709, lx: crates/sky/src/catalogue/deep/composite.rs.
 fn composite_light(word: u32) -> vec3<f32> {
     let unit = bitcast<f32>(u32(i32(word & 31u) + 127 + COMPOSITE_UNIT_LOG2) << 23u);
     return vec3(f32(word >> 23u), f32((word >> 14u) & 511u), f32((word >> 5u) & 511u)) * unit;
@@ -86,8 +86,8 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 illuminance = total * at_barycentre / distance_squared;
                 colour = light / total;
             }
-            // Limits are those of the light before the air: it divides the stars between the sums, and between a frame and the map of faint light.
-            // Composite stars are not divided. A star at the camera's position has no direction; the comparison is also false for NaN.
+            // Limits refer to the light before it passes the air. They divide the stars between the sums, and between a frame and the map of faint
+            // light. Composite stars are not divided. A star at the camera's position has no direction; the comparison is also false for NaN.
             let is_composite = FROM_PAGES && item.form == COMPOSITES_OF_PAGE;
             let is_within = illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx;
             if !((is_within || is_composite) && distance_squared > 0.0) {
@@ -104,15 +104,16 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             }
             let direction = view_direction(viewport, relative);
             let projected = pixel_from_direction(viewport, direction);
-            var peak = peak_luminance(viewport, direction, illuminance);
+            var image = image_of(viewport, direction, projected.xy, illuminance);
             if FROM_PAGES {
-                // The tent is not used: its pattern would interfere with that of the cells of composite stars. Stars use the same kernel, so that
-                // they look like composite stars.
-                peak = max(peak, viewport.tent_below_cd_m2);
+                // The tent is not used: its pattern would interfere with that of the cells of composite stars. Stars use the same kernel as composite
+                // stars, so that they look alike.
+                image.peak = max(image.peak, viewport.tent_below_cd_m2);
                 // The light of a cell is spread, unlike that of a bright star.
-                peak = select(peak, min(peak, 0.999 * viewport.gaussian_from_cd_m2), item.form == COMPOSITES_OF_PAGE);
+                let spread = min(image.peak, 0.999 * viewport.gaussian_from_cd_m2);
+                image.peak = select(image.peak, spread, item.form == COMPOSITES_OF_PAGE);
             }
-            let bright = peak >= viewport.gaussian_from_cd_m2;
+            let bright = image.peak >= viewport.gaussian_from_cd_m2;
             let margin = select(1.5, viewport.gaussian_reach_px, bright);
             if projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
                 || any(projected.xy > vec2(size.x, first_row + f32(tile.rows)) + margin) {
@@ -128,7 +129,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 }
             }
             let scale = illuminance * visible * parameters.units_per_lx;
-            splat(tile, viewport, direction, pixel, peak, colour, scale, item.first_number + i);
+            splat(tile, viewport, image, colour, scale, item.first_number + i);
             drawn += select(0u, 1u, holds_image(tile, viewport, pixel));
         }
         if drawn > 0u {

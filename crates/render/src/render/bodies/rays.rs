@@ -1,5 +1,5 @@
-//! The geometry pass: finds the surfaces of bodies and asteroids that the pixels of a tile show. Pixels in which the limb of a body crosses
-//! another body are drawn again by a shader of their own.
+//! The geometry pass: finds the surfaces of bodies and asteroids that the pixels of a tile show. A separate shader draws those pixels again in which
+//! the limb of a body crosses another body.
 //!
 //! Shaders: `shaders/bodies/rays.wgsl` and `shaders/bodies/crossed.wgsl`; the f64 twin of its bodies is `crate::reference::bodies::rays`.
 
@@ -7,14 +7,14 @@ use crate::render::constants::workgroups::RAY_SIDE;
 use crate::{
     gpu::{Gpu, Variants, bind_buffers, bind_in_order},
     plan::bodies::blocks::BLOCK_PX,
-    render::{bodies::layout, tabulated::projecting, targets::RasterLayers},
+    render::{bodies::layout, shader::rolled_loops, tabulated::projecting, targets::RasterLayers},
 };
 
 /// Pipelines of the geometry pass.
 pub(crate) struct GeometryPass {
     /// One pipeline per form.
     pipelines: Variants<RayForm, wgpu::ComputePipeline>,
-    /// Pipelines of the pixels with crossing limbs, by [`RayForm::has_circle`].
+    /// Pipelines of the pixels with crossing limbs, indexed by [`RayForm::has_circle`].
     crossed: Variants<bool, wgpu::ComputePipeline>,
     /// Placeholders for missing layers.
     no_layers: [wgpu::TextureView; 4],
@@ -73,18 +73,19 @@ fn crossed_pipeline(gpu: &Gpu, has_circle: bool) -> impl FnOnce() -> wgpu::Compu
     create(gpu, "bodies/crossed", [("HAS_CIRCLE", has_circle)])
 }
 
-/// Returns a function that creates a pipeline of a shader that projects.
+/// Returns a function that creates a pipeline for a shader that uses the projection.
 fn create<const N: usize>(
     gpu: &Gpu,
     file: &str,
     constants: [(&'static str, bool); N],
 ) -> impl FnOnce() -> wgpu::ComputePipeline + Send + 'static {
-    let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
+    let mut constants: Vec<_> = constants.map(|(name, value)| (name, f64::from(u8::from(value)))).into();
+    constants.push(rolled_loops(gpu));
     let (pipelines, shader) = (gpu.compute_pipelines(), projecting(gpu, file));
     move || pipelines.create(&shader.source(), &constants)
 }
 
-/// Empty texture of one texel, as a placeholder.
+/// Returns an empty texture of one texel, as a placeholder.
 fn stand_in(gpu: &Gpu, format: wgpu::TextureFormat, dimension: wgpu::TextureViewDimension) -> wgpu::TextureView {
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("no layer"),
@@ -123,7 +124,7 @@ impl GeometryPass {
         self.pipelines.job(form, pipeline(gpu, form))
     }
 
-    /// Returns a job that creates the pipeline of pixels with crossing limbs.
+    /// Returns a job that creates the pipeline for pixels with crossing limbs.
     pub(crate) fn crossed_job(&self, gpu: &Gpu, has_circle: bool) -> impl FnOnce() + Send + 'static {
         self.crossed.job(has_circle, crossed_pipeline(gpu, has_circle))
     }
