@@ -54,7 +54,7 @@ pub struct ServeArguments {
     /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Part of this daemon in a cluster: `[cluster]` and `[[nodes]]` of the configuration.
+    /// Role of this daemon in the cluster that `[cluster]` and `[[nodes]]` of the configuration describe.
     #[arg(long, value_enum, value_name = "ROLE")]
     role: Option<ClusterRole>,
     /// Name of the node, with `--role node`.
@@ -72,12 +72,13 @@ pub struct ServeArguments {
 pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     {
-        // Do not end at the signal that reloads the access rules. It can be ignored until the daemon listens: the rules are read again then.
+        // Prevent the signal that reloads the access rules from ending the process. The signal may be ignored until the daemon listens, because the
+        // rules are read again then.
         let _inside = runtime.enter();
         signals::survive_hangup().map_err(CliError::Runtime)?;
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
-    // The clock starts when the configuration is read.
+    // The scene's clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera) = (config.rig()?, config.camera()?);
     let groups = config.frame_groups()?;
@@ -102,7 +103,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     let renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     block_on_and_leave(runtime, async {
-        // From here on a signal shuts down in order, also while stars are still loading.
+        // From here on, a signal causes an orderly shutdown, even while stars are still loading.
         let (signals, input) = (service::signals().map_err(CliError::Runtime)?, input_closes(&arguments));
         let mut signals = Box::pin(async {
             tokio::select! { () = signals => {}, () = input => {} }
@@ -160,9 +161,9 @@ fn input_closes(arguments: &ServeArguments) -> impl Future<Output = ()> + Send +
     let (sender, closed) = tokio::sync::oneshot::channel();
     let watches = arguments.until_input_closes;
     if watches {
-        // A thread, because reads of standard input cannot be cancelled.
+        // Use a thread, because reads of standard input cannot be cancelled.
         std::thread::spawn(move || {
-            // Treat a failed read like a closed input.
+            // A failed read is treated like a closed input.
             let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
             sender.send(())
         });
@@ -176,12 +177,16 @@ fn input_closes(arguments: &ServeArguments) -> impl Future<Output = ()> + Send +
     }
 }
 
-/// Returns the source of access rules, which reads the configuration again on each reload.
+/// Returns the source of access rules, which reads the configuration again on each reload. Views are not built: that takes seconds with projectors,
+/// and rules can change while a calibration is replaced.
 fn access(arguments: &ServeArguments) -> AccessSource {
     let arguments = arguments.clone();
     Arc::new(move || {
-        let config =
-            Config::load_or_built_in(arguments.config.as_deref(), &arguments.set).map_err(|error| error.to_string())?;
+        let config = match &arguments.config {
+            Some(path) => Config::load_unbuilt(path, &arguments.set),
+            None => Config::built_in(&arguments.set),
+        };
+        let config = config.map_err(|error| error.to_string())?;
         Access::from_config(&config.server, &config.folder).map_err(|problem| format!("{}: {problem}", config.origin))
     })
 }

@@ -46,7 +46,7 @@ impl From<RowsConfig> for RowOrder {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ProjectorMethod {
-    /// Everything is drawn directly into the projector's pixels.
+    /// Everything is drawn directly in the projector's pixels.
     #[default]
     Direct,
     /// A flat picture that covers the projector's field of view (a round one if the field is too wide) is drawn, and then warped as a texture. Other
@@ -84,7 +84,7 @@ pub struct ProjectorConfig {
     /// Width and height of the raster, at least 2 each, if the file does not give them.
     #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: Option<[u32; 2]>,
-    /// Order of the rows in the file, if it differs from that of the format.
+    /// Order of the rows in the file, if it differs from the order that the format defines.
     #[serde(default)]
     pub rows: RowsConfig,
     /// Axes of the file, as `x=x,y=z,z=-y`: each axis of the dome (+x right, +y up, -z forward) is an axis of the file. Absent: as defined by the format.
@@ -106,12 +106,12 @@ pub struct ProjectorConfig {
     /// Exponent of the projector's response: its light is the code to this power. Absent: it follows the sRGB curve.
     #[schemars(range(min = 1.0, max = 4.0))]
     pub gamma: Option<f64>,
-    /// A look-up table (`.cube`) for the projector's codes, instead of that of the calibration file.
+    /// A look-up table (`.cube`) for the projector's codes. It replaces the table of the calibration file.
     pub lut: Option<PathBuf>,
-    /// Measured luminance of the projector's white on the dome. All projectors are dimmed to the darkest one, each by one factor.
+    /// Measured luminance of the projector's white on the dome. All projectors are dimmed to the darkest one, each by a constant factor.
     #[schemars(range(min = 1e-3, max = 1e6), extend("x-unit" = "cd/m^2"))]
     pub white_cd_m2: Option<f64>,
-    /// Luminance of the projector's black on the dome, for `blend = "computed"`. Black is raised everywhere to the level of the place where most
+    /// Luminance of the projector's black on the dome, for `blend = "computed"`. Everywhere black is raised to the level of the place where most
     /// projectors overlap.
     #[schemars(range(min = 0.0, max = 1e6), extend("x-unit" = "cd/m^2"))]
     pub black_cd_m2: Option<f64>,
@@ -126,11 +126,11 @@ fn half_turn_deg() -> f64 {
 /// Beginning of messages about warps without an inverse.
 pub(super) const FOLDS: &str = "the warp folds";
 
-/// Result of reading and baking, which takes seconds and is done once.
+/// Result of reading the calibration and computing its table, which takes seconds and is done once.
 #[derive(Clone, Debug, Default)]
 struct Loaded(Arc<OnceLock<Result<Calibrated, KeyError>>>);
 
-/// Result of a calibration: the view, and the points of the screen if it has any.
+/// Data from a calibration: the kind of the view, and the points of the screen if there are any.
 #[derive(Clone, Debug)]
 struct Calibrated {
     kind: ViewKind,
@@ -212,15 +212,15 @@ impl ProjectorConfig {
             return Err(KeyError::new("file", "it is empty: must be the name of a file"));
         }
         if self.source_scale.is_some() && self.method != ProjectorMethod::Resampled {
-            return Err(KeyError::new("source_scale", "belongs to method = \"resampled\""));
+            return Err(KeyError::new("source_scale", "has an effect only with method = \"resampled\""));
         }
         match (self.black_cd_m2, self.white_cd_m2) {
             (None, _) => Ok(()),
             (Some(_), _) if self.blend != BlendConfig::Computed => {
-                Err(KeyError::new("black_cd_m2", "belongs to blend = \"computed\""))
+                Err(KeyError::new("black_cd_m2", "has an effect only with blend = \"computed\""))
             }
             (Some(black), Some(white)) if black < white => Ok(()),
-            _ => Err(KeyError::new("black_cd_m2", "needs a white_cd_m2 above it")),
+            _ => Err(KeyError::new("black_cd_m2", "must be below white_cd_m2, which must be given")),
         }
     }
 
@@ -231,11 +231,11 @@ impl ProjectorConfig {
                 format!("{FOLDS}: {error}")
             }
             TabulationError::Coarse { .. } => {
-                format!("{error}; a mesh with more nodes may help, and around the antipode of a fisheye a smaller field of view")
+                format!("{error}; a mesh with more nodes may help; around the antipode of a fisheye, a smaller field of view may help")
             }
             _ => error.to_string(),
         });
-        let mapping = Arc::new(mapping?);
+        let mapping = mapping?;
         let [alpha, beta] = [&region.alpha, &region.beta]
             .map(|mask| mask.as_ref().filter(|_| self.blend == BlendConfig::File).map(Mask::weights));
         let blend = (alpha.is_some() || beta.is_some()).then(|| Blend::new(region.size_px, alpha, beta));
@@ -245,7 +245,7 @@ impl ProjectorConfig {
             ProjectorMethod::Direct => None,
             ProjectorMethod::Resampled => {
                 let resampling = Resampling::new(&mapping, self.source_scale.unwrap_or(1.0));
-                Some(resampling.map_err(|error| format!("the picture that it is bent from: {error}"))?)
+                Some(resampling.map_err(|error| format!("the flat picture that is warped: {error}"))?)
             }
         };
         let response = Response { gamma: self.gamma, lut: lut.or_else(|| region.lut.clone()) };

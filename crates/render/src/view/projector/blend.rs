@@ -1,10 +1,11 @@
-//! Blending of projectors: where their pictures overlap, each contributes a share of the light; where only one shines,
-//! its black is raised to the level of several.
+//! Blending of projectors: where their pictures overlap, each contributes a share of the light; in a region that only one projector lights, its black
+//! is raised to the level of several.
 
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Programs such as SGCT multiply display codes by their masks, which are made for displays whose light is this power of the code.
+/// Programs such as SGCT multiply display codes by their masks. The masks are made for displays whose light is proportional to this power of the
+/// code.
 pub const DISPLAY_GAMMA: f64 = 2.2;
 
 /// Light shares and black levels over a raster.
@@ -14,7 +15,7 @@ pub struct Blend {
     /// Factor on the light (alpha) and black level (beta) of each pixel, row by row from the top: the displayed light
     /// is `L * alpha * (1 - beta) + beta`, in units of white.
     weights: Vec<[f32; 2]>,
-    /// Factor on the code of each pixel, if codes are multiplied instead of the light: alpha is its power of [`DISPLAY_GAMMA`].
+    /// Factor on the code of each pixel, if codes are multiplied instead of the light: alpha is this factor to the power [`DISPLAY_GAMMA`].
     code_factors: Option<Vec<f32>>,
     /// Whether a beta is not 0.
     lifts_black: bool,
@@ -92,7 +93,7 @@ impl Blend {
         if self.code_factors.is_some() { dimmed.of_codes() } else { dimmed }
     }
 
-    /// The same blend for display images whose codes are multiplied, as in SGCT. Where the image is light without codes, alpha applies.
+    /// The same blend for display images whose codes are multiplied, as in SGCT. For images of light, which have no codes, alpha applies.
     #[must_use]
     pub fn of_codes(self) -> Self {
         let factor = |[alpha, _]: &[f32; 2]| f64::from(*alpha).powf(1.0 / DISPLAY_GAMMA) as f32;
@@ -148,8 +149,7 @@ impl Weights<'_> {
     }
 }
 
-/// Displayed light of a pixel, in units of the projector's white, from the light that it would display alone and its
-/// weights.
+/// Returns the displayed light of a pixel, in units of the projector's white, from its weights and the light that it would display without blending.
 pub(super) fn blended(light: [f32; 3], [alpha, beta]: [f32; 2]) -> [f32; 3] {
     light.map(|light| light * alpha * (1.0 - beta) + beta)
 }

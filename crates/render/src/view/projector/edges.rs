@@ -1,11 +1,11 @@
 //! Computed edge blends, for calibrations without blend masks. Each projector's share falls smoothly to zero at the
 //! borders of its raster, and the shares of all projectors that reach a direction sum to one.
 //!
-//! With the weight w of a position on a projector's own raster, alpha = w / (sum of the w of all projectors there). w =
-//! (16 x (1 - x) y (1 - y))^2 with x and y relative to the raster's sides, so the share and its slope vanish at the
-//! borders. If a part of the raster is not used, w falls to zero at its border in the same way.
+//! With the weight w of a position on a projector's own raster, alpha = w / (sum of w over all projectors that reach the direction). w = (16 x (1 -
+//! x) y (1 - y))^2 with x and y relative to the raster's sides, so the share and its slope vanish at the borders. If a part of the raster is not
+//! used, w falls to zero at its border in the same way.
 
-use std::{f64::consts::PI, sync::Arc};
+use std::{array, f64::consts::PI, sync::Arc};
 
 use glam::{DQuat, DVec2, DVec3};
 use rayon::prelude::*;
@@ -15,6 +15,10 @@ use crate::view::projection::{PlaneMapping, TabulatedMapping, pixel_centre};
 
 /// Width of the ramp towards an unused part of the raster, pixels.
 const RAMP_PX: f32 = 64.0;
+/// Side of a cell, pixels: in it the positions on other rasters are interpolated.
+const CELL_PX: u32 = 16;
+/// Largest error of an interpolated position at two places of a cell, pixels.
+const CLOSE_PX: f64 = 1e-3;
 
 /// One of several projectors.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,8 +27,7 @@ pub struct Beam {
     pub mapping: Arc<TabulatedMapping>,
     /// View axes to those of the dome.
     pub dome_from_view: DQuat,
-    /// Its black level relative to its white: black is raised to the level of the region with the most projectors. 0:
-    /// black is not raised.
+    /// Its black level relative to its white. Black is raised to the level of the region that the most projectors light. 0: black is not raised.
     pub black: f64,
 }
 
@@ -58,16 +61,107 @@ impl<'a> Field<'a> {
         (edges * unused).powi(2)
     }
 
-    /// The weight in a direction of the dome; `None` if the projector does not reach it.
-    fn towards(&self, direction: DVec3) -> Option<f64> {
+    /// The position on the raster of a direction of the dome, pixels; it may be outside of the raster. `None` if the projector does not reach it.
+    fn position(&self, direction: DVec3) -> Option<DVec2> {
         if direction.dot(self.axis) < self.least_cos {
             return None;
         }
+        self.beam.mapping.pixel_from_direction(self.beam.dome_from_view.inverse() * direction)
+    }
+
+    /// The weight at a position; `None` if the projector has no pixel there.
+    fn weight_inside(&self, pixel: DVec2) -> Option<f64> {
         let mapping = &self.beam.mapping;
-        let pixel = mapping.pixel_from_direction(self.beam.dome_from_view.inverse() * direction)?;
         let [width, height] = mapping.size();
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < f64::from(width) && pixel.y < f64::from(height);
-        (inside && mapping.contains(pixel.x as u32, pixel.y as u32)).then(|| self.weight(pixel))
+        // Without unused pixels no look into the table is needed, which takes longer than the weight.
+        let is_used = || self.unused_px.is_none() || mapping.contains(pixel.x as u32, pixel.y as u32);
+        (inside && is_used()).then(|| self.weight(pixel))
+    }
+
+    /// The direction of a position on the raster, dome axes.
+    fn direction(&self, pixel: DVec2) -> Option<DVec3> {
+        Some(self.beam.dome_from_view * self.beam.mapping.direction_from_pixel(pixel)?)
+    }
+}
+
+/// Positions on another projector's raster in a cell of [`CELL_PX`] by [`CELL_PX`] pixels of a raster.
+#[derive(Clone, Copy)]
+enum Cell {
+    /// The other projector does not reach the cell.
+    Apart,
+    /// Positions are interpolated between three by three nodes, row by row.
+    Smooth([DVec2; 9]),
+    /// Every position is computed.
+    Exact,
+}
+
+/// Cells of a raster, row by row, with the positions on another projector's raster. Computing each pixel would take thirty times as long.
+struct Cells {
+    size: [u32; 2],
+    columns: usize,
+    cells: Vec<Cell>,
+}
+
+/// Weights of three nodes of a parabola at 0, 1/2 and 1.
+fn parabola(t: f64) -> [f64; 3] {
+    [(1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)]
+}
+
+/// Value at a place of a cell, 0 to 1, between three by three nodes.
+fn between_nodes(nodes: &[DVec2; 9], place: DVec2) -> DVec2 {
+    let [columns, rows] = [parabola(place.x), parabola(place.y)];
+    let row = |r: usize| columns[0] * nodes[3 * r] + columns[1] * nodes[3 * r + 1] + columns[2] * nodes[3 * r + 2];
+    rows[0] * row(0) + rows[1] * row(1) + rows[2] * row(2)
+}
+
+impl Cells {
+    fn new(own: &Field<'_>, other: &Field<'_>) -> Self {
+        let size = own.beam.mapping.size();
+        let [columns, rows] = size.map(|side| side.div_ceil(CELL_PX) as usize);
+        let [node_columns, node_rows] = [2 * columns + 1, 2 * rows + 1];
+        // The last cell of a row or column may be smaller; its middle node is in its middle.
+        let along = |node: usize, side: u32| {
+            let edge = |cell: usize| (cell as u32 * CELL_PX).min(side);
+            0.5 * f64::from(edge(node / 2) + edge(node.div_ceil(2)))
+        };
+        let position = |place: DVec2| other.position(own.direction(place)?);
+        let nodes: Vec<Option<DVec2>> = (0..node_columns * node_rows)
+            .into_par_iter()
+            .map(|index| {
+                position(DVec2::new(along(index % node_columns, size[0]), along(index / node_columns, size[1])))
+            })
+            .collect();
+        let cell = |index: usize| {
+            let (x, y) = (2 * (index % columns), 2 * (index / columns));
+            let held: [Option<DVec2>; 9] = array::from_fn(|node| nodes[(y + node / 3) * node_columns + x + node % 3]);
+            if held.iter().all(Option::is_some) {
+                let held = held.map(Option::unwrap_or_default);
+                let [corner, end] = [0, 2].map(|node| DVec2::new(along(x + node, size[0]), along(y + node, size[1])));
+                let is_close = |&place: &DVec2| {
+                    position(corner + place * (end - corner))
+                        .is_some_and(|exact| exact.distance(between_nodes(&held, place)) <= CLOSE_PX)
+                };
+                let is_smooth = [DVec2::splat(0.25), DVec2::splat(0.75)].iter().all(is_close);
+                return if is_smooth { Cell::Smooth(held) } else { Cell::Exact };
+            }
+            // The edge of the other projector's picture may pass through a cell next to one that it reaches.
+            let mut around = (y.saturating_sub(2)..(y + 5).min(node_rows))
+                .flat_map(|row| (x.saturating_sub(2)..(x + 5).min(node_columns)).map(move |column| (column, row)));
+            let is_near = around.any(|(column, row)| nodes[row * node_columns + column].is_some());
+            if is_near { Cell::Exact } else { Cell::Apart }
+        };
+        Self { size, columns, cells: (0..columns * rows).into_par_iter().map(cell).collect() }
+    }
+
+    /// Returns the cell of a pixel, and the place of the pixel's centre in it, 0 to 1.
+    fn of_pixel(&self, x: u32, y: u32) -> (&Cell, DVec2) {
+        let cell = &self.cells[(y / CELL_PX) as usize * self.columns + (x / CELL_PX) as usize];
+        let place = |pixel: u32, size: u32| {
+            let first = pixel - pixel % CELL_PX;
+            (f64::from(pixel - first) + 0.5) / f64::from(CELL_PX.min(size - first))
+        };
+        (cell, DVec2::new(place(x, self.size[0]), place(y, self.size[1])))
     }
 }
 
@@ -76,22 +170,32 @@ pub fn edge_blends(beams: &[Beam]) -> Vec<Blend> {
     let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
     // For each pixel: its share, and the number of projectors that reach it.
     let shares = fields.iter().enumerate().map(|(own, field)| {
+        let others = fields.iter().enumerate().filter(|(other, _)| *other != own);
+        let others: Vec<_> = others.map(|(_, other)| (other, Cells::new(field, other))).collect();
         let mapping = &field.beam.mapping;
-        let width = mapping.size()[0];
+        let [width, height] = mapping.size();
         let share = |index: usize| {
-            let pixel = pixel_centre(index as u32 % width, index as u32 / width);
-            let Some(direction) = mapping.direction_from_pixel(pixel) else { return (0.0, 0) };
-            let direction = field.beam.dome_from_view * direction;
+            let (x, y) = (index as u32 % width, index as u32 / width);
+            if !mapping.contains(x, y) {
+                return (0.0, 0);
+            }
+            let pixel = pixel_centre(x, y);
             let weight = field.weight(pixel);
-            let others = fields.iter().enumerate().filter(|(other, _)| *other != own);
             let (mut sum, mut count) = (weight, 1);
-            for other_weight in others.filter_map(|(_, other)| other.towards(direction)) {
-                sum += other_weight;
-                count += 1;
+            for (other, cells) in &others {
+                let position = match cells.of_pixel(x, y) {
+                    (Cell::Apart, _) => None,
+                    (Cell::Smooth(nodes), place) => Some(between_nodes(nodes, place)),
+                    (Cell::Exact, _) => field.direction(pixel).and_then(|direction| other.position(direction)),
+                };
+                if let Some(other_weight) = position.and_then(|position| other.weight_inside(position)) {
+                    sum += other_weight;
+                    count += 1;
+                }
             }
             (if sum > 0.0 { weight / sum } else { 1.0 / f64::from(count) }, count)
         };
-        let pixels = mapping.size().map(|side| side as usize).iter().product::<usize>();
+        let pixels = width as usize * height as usize;
         (0..pixels).into_par_iter().map(share).collect::<Vec<(f64, i32)>>()
     });
     let shares: Vec<_> = shares.collect();
@@ -131,4 +235,71 @@ fn unused_px(mapping: &TabulatedMapping) -> Option<Vec<f32>> {
     pass(&mut (0..width * height), 1);
     pass(&mut (0..width * height).rev(), -1);
     Some(distances)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
+mod tests {
+    use super::*;
+    use crate::view::projection::{Fisheye, FisheyeMapping, Perspective};
+
+    fn beam(mapping: impl PlaneMapping + Send + 'static, azimuth_deg: f64, altitude_deg: f64) -> Beam {
+        let turn = DQuat::from_rotation_y(azimuth_deg.to_radians()) * DQuat::from_rotation_x(altitude_deg.to_radians());
+        Beam { mapping: Arc::new(TabulatedMapping::new(mapping).unwrap()), dome_from_view: turn, black: 0.01 }
+    }
+
+    /// The shares of a projector, with the position of every pixel on the other rasters.
+    fn exact(fields: &[Field<'_>], own: usize) -> Vec<f64> {
+        let field = &fields[own];
+        let [width, height] = field.beam.mapping.size();
+        let share = |index: u32| {
+            let pixel = pixel_centre(index % width, index / width);
+            let Some(direction) = field.direction(pixel) else { return 0.0 };
+            let weight = field.weight(pixel);
+            let others = fields.iter().enumerate().filter(|(other, _)| *other != own);
+            let of_others = others.filter_map(|(_, other)| other.weight_inside(other.position(direction)?));
+            let sum = weight + of_others.sum::<f64>();
+            if sum > 0.0 { weight / sum } else { 1.0 }
+        };
+        (0..width * height).map(share).collect()
+    }
+
+    #[test]
+    fn shares_are_those_of_exact_positions_within_1e_4() {
+        let window = |size| Perspective::symmetric(size, 0.9).unwrap();
+        let round = Fisheye::new([173, 173], FisheyeMapping::Equidistant, 1.6).unwrap();
+        // Sizes that are not multiples of a cell; the last two projectors do not reach the first one.
+        let beams = [
+            beam(window([317, 205]), 0.0, 10.0),
+            beam(window([317, 205]), 50.0, 15.0),
+            beam(round, 40.0, -20.0),
+            beam(window([64, 64]), 170.0, 0.0),
+        ];
+        let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
+        let blends = edge_blends(&beams);
+        let mut largest = 0.0_f64;
+        for (own, blend) in blends.iter().enumerate() {
+            let exact = exact(&fields, own);
+            for (weights, exact) in blend.weights().iter().zip(&exact) {
+                largest = largest.max((f64::from(weights[0]) - exact).abs());
+            }
+        }
+        println!("largest difference of a share: {largest:.1e}");
+        assert!(largest < 1e-4);
+        // Some pixels of the first three are shared, and the last one has all of its light.
+        let shared =
+            |own: usize| blends[own].weights().iter().filter(|weights| weights[0] > 0.1 && weights[0] < 0.9).count();
+        assert!((0..3).all(|own| shared(own) > 1000), "{:?}", [shared(0), shared(1), shared(2)]);
+        assert!(blends[3].weights().iter().all(|weights| weights[0] == 1.0));
+    }
+
+    #[test]
+    fn cells_with_a_kink_are_exact() {
+        // Positions on a fisheye beyond its antipode jump to the other side.
+        let whole = Fisheye::new([96, 96], FisheyeMapping::Equidistant, 360_f64.to_radians()).unwrap();
+        let beams = [beam(Perspective::symmetric([80, 80], 0.9).unwrap(), 180.0, 0.0), beam(whole, 0.0, 0.0)];
+        let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
+        let cells = Cells::new(&fields[0], &fields[1]);
+        assert!(matches!(cells.of_pixel(40, 40).0, Cell::Exact));
+    }
 }

@@ -1,8 +1,8 @@
 //! From a view's picture to the image sent to a projector. Steps, all in linear light: resampling (if the view is not
 //! drawn directly in the projector's pixels), the share of light, the black level, and the projector's response.
 //!
-//! A display image arrives with 8 bits, after tone mapping. Light is multiplied by at most one, so the first rounding
-//! contributes at most half a code to the result, as does the second.
+//! A display image arrives with 8 bits, after tone mapping. Light is multiplied by at most one. So the first rounding contributes at most half a code
+//! to the result, and so does the second.
 
 mod blend;
 mod edges;
@@ -36,7 +36,7 @@ pub struct ProjectorOutput {
 }
 
 impl PartialEq for ProjectorOutput {
-    /// The table of codes follows from the other fields.
+    /// The table of codes is determined by the other fields.
     fn eq(&self, other: &Self) -> bool {
         (self.size, &self.resampling, &self.blend, &self.response)
             == (other.size, &other.resampling, &other.blend, &other.response)
@@ -167,7 +167,7 @@ impl ProjectorOutput {
     }
 }
 
-/// A picture with the codes of each pixel replaced by those of a table times the pixel's factor.
+/// Replaces the codes of each pixel of a picture by those of a table, multiplied by the pixel's factor.
 fn scaled(mut picture: Vec<u8>, factors: &[f32], codes: &[f32; 256]) -> Vec<u8> {
     picture.par_chunks_mut(4 * CHUNK).zip(factors.par_chunks(CHUNK)).for_each(|(picture, factors)| {
         for (pixel, factor) in picture.chunks_exact_mut(4).zip(factors) {
@@ -211,7 +211,7 @@ mod tests {
                             below <= expected + 1e-6 && (expected <= above + 1e-6 || found == 255),
                             "{gamma:?} {from} {alpha} {beta}: {found}"
                         );
-                        // The unrounded codes agree too.
+                        // The unrounded codes agree as well.
                         let exact = output.codes(code, [light(from); 3])[0];
                         assert!((light_of(exact) - expected).abs() < 1e-6, "{exact} {expected}");
                     }
@@ -239,7 +239,7 @@ mod tests {
             // Check the same with a blend that also raises black.
             assert_eq!(differs(&lifted.display(picture.clone()), 0.6), 0, "{gamma:?}");
             assert!((halved.codes(9, [linear_from_srgb(0.5); 3])[1] * 255.0 - exact(127)).abs() < 0.5, "{gamma:?}");
-            // Shares of light give the same result only for a response with that gamma.
+            // Multiplying the light gives the same result only for a response with that gamma.
             let others = differs(&of_light.display(picture), 0.501);
             assert_eq!(others == 0, gamma == Some(DISPLAY_GAMMA), "{gamma:?}: {others}");
         }

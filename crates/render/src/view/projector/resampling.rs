@@ -13,9 +13,9 @@ use crate::{
     },
 };
 
-/// Largest angle from the middle of a flat picture. Beyond it a flat picture wastes pixels, so a round one is used.
+/// Largest angle from the middle at which a flat picture is used. For larger angles a flat picture would waste pixels, so a round one is used.
 const WIDEST_FLAT_RAD: f64 = 70.0 * std::f64::consts::PI / 180.0;
-/// Pixels of the picture around the projector's field.
+/// Width of the margin of the picture around the projector's field, pixels.
 const MARGIN_PX: f64 = 2.0;
 
 /// Positions of a projector's pixels in a picture that covers its field.
@@ -59,7 +59,7 @@ impl Resampling {
         let local = |direction: &DVec3| axes.transpose() * *direction;
         let mean_px_rad = (mapping.picture_solid_angle_sr() / mapping.pixels() as f64).sqrt() / scale;
         let widest = directions.iter().flatten().map(|direction| direction.angle_between(forward)).fold(0.0, f64::max);
-        // A flat picture of a narrow field, a fisheye of a wide one, with the requested pixel size.
+        // Returns a flat picture of a narrow field, or a fisheye picture of a wide one, with the requested pixel size.
         let source = if widest < WIDEST_FLAT_RAD {
             flat(directions.iter().flatten().map(local), mean_px_rad)?
         } else {

@@ -30,17 +30,17 @@ impl Response {
     }
 }
 
-/// The 8-bit codes of light, with a table.
+/// Converts light to 8-bit codes with a table.
 #[derive(Clone, Debug)]
 pub(super) struct EightBits {
     /// Least light that rounds to each code.
     least: [f32; 256],
-    /// For each 4096th of light, the code where the search starts.
+    /// For each of 4096 levels of light, the code at which the search starts.
     first: Vec<u8>,
 }
 
 impl EightBits {
-    /// For the curve of a projector; the look-up table is applied afterwards.
+    /// Creates the table for the curve of a projector. The projector's look-up table is applied afterwards.
     pub(super) fn new(response: &Response) -> Self {
         let between = |code: usize| response.light((code as f64 - 0.5) / 255.0) as f32;
         let least: [f32; 256] = std::array::from_fn(|code| if code == 0 { f32::MIN } else { between(code) });

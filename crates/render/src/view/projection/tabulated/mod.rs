@@ -1,17 +1,16 @@
 //! Any mapping as a table, which lets the GPU draw custom projections.
 //!
-//! [`TabulatedMapping::new`] queries a [`PlaneMapping`] for the direction and the solid angle of every pixel, and for
-//! the starting points of the inverse search (from a direction to its pixel). The GPU has only these numbers, no
-//! formula. Between pixel centres, directions are interpolated by cubic convolution (Keys 1981). The pixel of a
-//! direction is found by Newton steps on them; around kinks, such as the poles of many maps of the sphere, a finer
-//! table is used. In f64 everything still goes through the mapping itself, so that the f64 twins draw the mapping and
-//! not its table. Baking compares both at four points of every pixel. It refuses mappings that differ from their table
-//! by more than [`LIMIT_PX`], fold, tear or are not finite, and the error names the pixel. At kinks, at the edges of flat
-//! facets and in slivers of pixels the limits are wider: see [`TableAccuracy`].
+//! [`TabulatedMapping::new`] queries a [`PlaneMapping`] for the direction and the solid angle of every pixel, and for the starting points of the
+//! inverse search (from a direction to its pixel). The GPU has only these numbers, not the formula. Between pixel centres, directions are
+//! interpolated by cubic convolution (Keys 1981). The pixel of a direction is found by Newton steps on the interpolated directions; around kinks,
+//! such as the poles of many maps of the sphere, a finer table is used. In f64 everything still goes through the mapping itself, so that the f64
+//! twins draw the mapping and not its table. Baking compares table and mapping at four points of every pixel. It refuses mappings that differ from
+//! their table by more than [`LIMIT_PX`], fold, tear or are not finite, and the error names the pixel. At kinks, at the edges of flat facets and in
+//! slivers of pixels the limits are wider: see [`TableAccuracy`].
 //!
-//! At a cut of the mapping, a star's image is on the side that the mapping returns. If the mapping shows the full
-//! sphere, light beyond the edge of the picture is added to the pixels inside, so that no light is lost. Otherwise the
-//! edge is a border, and light beyond it is not in the picture.
+//! At a cut of the mapping, a star's image is on the side for which the mapping returns its position. If the mapping shows the full sphere, light
+//! beyond the edge of the picture is added to the pixels inside, so that no light is lost. Otherwise the edge is a border, and light beyond it is not
+//! in the picture.
 
 mod bake;
 mod check;
@@ -27,7 +26,11 @@ mod starts;
 #[cfg(test)]
 mod tests;
 
-use std::{f64::consts::PI, fmt, sync::Arc};
+use std::{
+    f64::consts::PI,
+    fmt,
+    sync::{Arc, Mutex, PoisonError, Weak},
+};
 
 pub use bake::MOST_SIDE_PX;
 pub use check::{LIMIT_PX, TableAccuracy};
@@ -79,7 +82,7 @@ struct Tables {
     accuracy: TableAccuracy,
 }
 
-/// Least angle to which a picture and its fringe must reach, rad: f32 does not resolve less.
+/// Least angle to which a picture and its fringe must extend, rad: f32 does not resolve smaller angles.
 const LEAST_REACH_RAD: f64 = 1e-7;
 
 fn tables(source: &(dyn PlaneMapping + Send)) -> Result<Tables, TabulationError> {
@@ -117,7 +120,7 @@ fn make_tables(source: &(dyn PlaneMapping + Send)) -> Result<Tables, TabulationE
 }
 
 impl TabulatedMapping {
-    /// Bakes a mapping. A million pixels take one to six seconds on two cores: closed forms are faster than splines.
+    /// Bakes a mapping. A million pixels take one to six seconds on two cores; closed forms take less time than splines.
     ///
     /// # Errors
     ///
@@ -136,14 +139,30 @@ impl TabulatedMapping {
         Ok(Self::with_tables(source, tables))
     }
 
-    /// As [`TabulatedMapping::new`]; the table is kept in the cache of the process under these inputs, which must determine the mapping.
+    /// As [`TabulatedMapping::new`], but the table is kept in the cache of the process. `inputs` are its key there, and must determine the mapping.
+    /// While a mapping of the same inputs exists in the process, that one is returned.
     ///
     /// # Errors
     ///
     /// As [`TabulatedMapping::new`].
-    pub fn kept(source: impl PlaneMapping + Send + 'static, inputs: &[u8]) -> Result<Self, TabulationError> {
-        let tables = cache::kept_or_made(kept::PART, &[inputs], kept::FORM, || tables(&source))?;
-        Ok(Self::with_tables(Arc::new(source), tables))
+    pub fn kept(source: impl PlaneMapping + Send + 'static, inputs: &[u8]) -> Result<Arc<Self>, TabulationError> {
+        static MAPPINGS: Mutex<Vec<(Vec<u8>, Weak<TabulatedMapping>)>> = Mutex::new(Vec::new());
+        // No code panics while it holds the lock.
+        let mappings = || MAPPINGS.lock().unwrap_or_else(PoisonError::into_inner);
+        let existing = mappings().iter().find(|(of, _)| *of == inputs).and_then(|(_, mapping)| mapping.upgrade());
+        if let Some(mapping) = existing {
+            return Ok(mapping);
+        }
+        let tables = cache::kept_or_made(kept::PART, &[inputs], kept::FORM, || {
+            let [width, height] = source.size();
+            tracing::info!("computing the table of a projection of {width} x {height} pixels");
+            tables(&source)
+        })?;
+        let mapping = Arc::new(Self::with_tables(Arc::new(source), tables));
+        let mut mappings = mappings();
+        mappings.retain(|(of, mapping)| mapping.strong_count() > 0 && of != inputs);
+        mappings.push((inputs.to_vec(), Arc::downgrade(&mapping)));
+        Ok(mapping)
     }
 
     fn with_tables(source: Arc<dyn PlaneMapping + Send>, tables: Tables) -> Self {
@@ -194,9 +213,9 @@ impl TabulatedMapping {
         (HEADER as usize + self.baked.nodes.values.len() + cells.len() + patches.len()) as u64 * 16
     }
 
-    /// The table as the GPU reads it, in groups of four words. Header: cells along a side of the grid of starts and the
-    /// group index of the first cell; the grid's axis and its cells per radian; the direction of its columns; the
-    /// direction of its rows. Then the nodes (pixel centres), the cells, and the samples of their patches.
+    /// The table as the GPU reads it, in groups of four words. The header contains the number of cells along a side of the grid of starts and the
+    /// group index of the first cell; the grid's axis and its cells per radian; the direction of its columns; and the direction of its rows. The
+    /// nodes (pixel centres), the cells, and the samples of their patches follow.
     pub(crate) fn words(&self) -> Vec<[u32; 4]> {
         let Starts { side, axis, right, up, scale, cells, patches } = &self.starts;
         let nodes = &self.baked.nodes.values;
@@ -259,7 +278,7 @@ impl PlaneMapping for TabulatedMapping {
         self.source.is_faceted()
     }
 
-    /// From the directions around the image: across a cut the image has no derivative, but the direction has one.
+    /// Use the directions around the image: across a cut, the image has no derivative, but the direction has one.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         let pixel = self.source.pixel_from_direction(direction)?;
         match bake::derivatives(&*self.source, pixel) {
@@ -272,7 +291,7 @@ impl PlaneMapping for TabulatedMapping {
         if self.shows_full_sphere() {
             return BoundingCone { axis: self.baked.axis, half_angle_rad: PI };
         }
-        // Includes half the diagonal of the last pixel.
+        // This includes half the diagonal of the last pixel.
         let reach_rad = self.baked.reach_rad[0] + (margin_px + 0.75) * self.baked.longer_rad[1];
         BoundingCone { axis: self.baked.axis, half_angle_rad: reach_rad.min(PI) }
     }
