@@ -1,4 +1,5 @@
-//! Tells the compiler which optional test data the environment offers, so that tests without it are shown as ignored.
+//! Sets a `cfg` for each kind of optional test data that the environment names, so that tests whose data are missing
+//! are shown as ignored.
 
 fn main() {
     // tests/cpu/stars/bright_stars.rs, tests/gpu/stars/whole_sky.rs

@@ -1,9 +1,9 @@
-//! Measures a deep store while the camera moves, from a cold cache: the light that frames lack over time, whether they report it, and how much the
-//! image jumps from frame to frame. Run: `cargo bench --bench deep_motion -- FOLDER [DELAY_MS]`; DELAY_MS delays the reading of each page, like a
+//! Measures a deep store, from a cold cache, while the camera moves: how much light frames lack as time passes, whether they report it, and how much
+//! the image jumps from frame to frame. Run: `cargo bench --bench deep_motion -- FOLDER [DELAY_MS]`; DELAY_MS delays the reading of each page, like a
 //! slow disk.
 //!
-//! A zoom from 60 degrees to 1, a turn by 5 degrees a second, and flights of 1 and 100 pc, each in 8 seconds towards the galactic centre. The frames are
-//! compared afterwards with frames of the same poses that wait for all pages.
+//! The motions are a zoom from 60 degrees to 1, a turn by 5 degrees per second, and flights of 1 and 100 pc. Each takes 8 seconds, and begins with
+//! the galactic centre in the middle of the image. Afterwards, the frames are compared with frames of the same poses that wait for all pages.
 
 use std::{
     path::{Path, PathBuf},
@@ -30,7 +30,7 @@ use steradian::{
     view::{Rig, View, ViewKind},
 };
 
-/// Duration of a motion, and the longest wait for the pages that it leaves missing, s.
+/// Duration of a motion, and the longest wait afterwards for the pages that are still missing, s.
 const MOTION_S: f64 = 8.0;
 const MOST_WAIT_S: f64 = 30.0;
 const SIZE: [u32; 2] = [960, 540];
@@ -69,7 +69,7 @@ struct Shown {
     frame: Frame,
 }
 
-/// The store, not read yet, with a limit of memory for its pages.
+/// Opens the store, without reading its pages.
 fn opened(folder: &Path) -> SceneSnapshot {
     let (stars, _) =
         load_stars(&[StarSource::File(folder.to_owned())], &Epoch::default(), &mut |_| {}).expect("a deep store");
@@ -144,7 +144,7 @@ fn main() {
     );
     let whole = opened(&folder);
     for (name, motion) in MOTIONS {
-        // Shaders are compiled before the motion begins, with other pages.
+        // Compile the shaders before the motion begins, by a frame of a separately opened store.
         draw(&mut renderer, &opened(&folder), &motion(0.0), &settings, SkyMapUse::InTurn);
         let scene = opened(&folder);
         scene.stars.deep.as_ref().expect("a deep store").set_delay(delay);
@@ -186,7 +186,7 @@ fn main() {
     }
 }
 
-/// Frames of a second.
+/// Figures of the frames within one second.
 #[derive(Default)]
 struct Second {
     number: u64,

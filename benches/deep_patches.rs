@@ -1,6 +1,6 @@
-//! Display images of a deep store against frames of every star, in patches of the sky: errors in codes, light, and graininess (the variance of a patch), in
-//! four views towards three directions at two exposures. Run: `cargo bench --bench deep_patches -- FOLDER [GIB]`; GIB is the memory for a frame of
-//! every star.
+//! Compares display images of a deep store with frames that draw every star, in patches of the sky: errors in codes, light, and graininess (the
+//! variance of a patch). Four views look in three directions at two exposures. Run: `cargo bench --bench deep_patches -- FOLDER [GIB]`; GIB is the
+//! memory for a frame that draws every star.
 
 use std::{f64::consts::PI, path::PathBuf, sync::Arc};
 
@@ -78,7 +78,7 @@ fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &Re
     renderer.render(request.drawn_for(output)).expect("a frame")
 }
 
-/// Figures of a frame against one of every star.
+/// Compares a frame with one that draws every star.
 fn compared(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> String {
     let counts = [drawn, exact].map(|frame| frame.views.iter().map(|view| view.stars_drawn).sum::<u64>());
     let light = [drawn, exact].map(|frame| {
@@ -86,7 +86,7 @@ fn compared(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> String {
         pixels.map(|pixel| f64::from(pixel[1]) * f64::from(pixel[3])).sum::<f64>()
     });
     let errors = DisplayErrors::between(exact, drawn, settings);
-    // The same patches for all frames of a size.
+    // Use the same patches for all frames of the same size.
     let [width, height] = [exact.images[0].width, exact.images[0].height].map(|side| side as usize);
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let (mut ratios, mut of_patches) = (Vec::new(), Vec::new());

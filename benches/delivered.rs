@@ -1,6 +1,6 @@
 //! Measures the frames per second that reach a client over gRPC while the camera turns: the complete path with all
-//! features on. Two daemons, or two configurations, take turns in one run; medians over rounds are printed with their
-//! ratio. `cargo bench --bench delivered -- --help`.
+//! features on. Two daemons, or two configurations, are measured in turn within one run; the medians over the rounds
+//! are printed with their ratio. `cargo bench --bench delivered -- --help`.
 
 use std::{
     error::Error,
@@ -15,7 +15,7 @@ use steradian::{
     service::{Delivered, DeliveryRound, LocalDaemon, measure_delivery, median_parts},
 };
 
-/// A daemon has failed if it does not listen within this time, or delivers no frame for as long.
+/// A daemon has failed if it does not listen within this time, or if it delivers no frame for this long.
 const PATIENCE: Duration = Duration::from_secs(300);
 /// Poses per second.
 const POSES_HZ: f64 = 250.0;
@@ -41,7 +41,8 @@ struct Arguments {
     /// Encoding of the images of the second daemon. Default: the same.
     #[arg(long = "beside-encoding", value_parser = encoding)]
     beside_encoding: Option<Encoding>,
-    /// Program of the second daemon. Default: the same program, if it has separate overrides.
+    /// Program of the second daemon. Default: the same program. Without this option, there is a second daemon only if
+    /// it has separate overrides or a separate encoding.
     #[arg(long)]
     beside: Option<PathBuf>,
     /// Number of rounds; each daemon is measured once per round.
@@ -107,7 +108,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
             let round = DeliveryRound {
                 view: arguments.view.clone(),
                 encoding: *encoding,
-                // The first frames build the map of faint light, among other things.
+                // Do not count the first frames, which build the map of faint light, among other things.
                 skipped: if number == 0 { 12 } else { 3 },
                 length: Duration::from_secs_f64(arguments.seconds),
                 turn_deg_s: arguments.turn_deg_s,

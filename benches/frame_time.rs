@@ -1,7 +1,7 @@
-//! Frame time on the adapter in use: ten million stars with and without chunk culling, a whole frame of a planetarium
-//! dome, the passes of every glare method, and the passes of asteroid fields. Only the glare benchmarks draw glare.
-//! Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the names
-//! of some of the benchmarks.
+//! Measures frame times on the adapter in use: of ten million stars with and without chunk culling, of a whole frame of
+//! a planetarium dome, of the passes of every glare method, and of the passes of asteroid fields. Only the glare
+//! benchmarks draw glare. Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench
+//! frame_time`, or with the names of some of the benchmarks.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -306,8 +306,8 @@ fn asteroids(instances: u32) -> SceneSnapshot {
 const ASTEROID_PASSES: [&str; 4] = ["asteroid cull", "asteroids", "geometry", "stars"];
 
 impl Bench {
-    /// Measures a field of asteroids pass by pass: inside and outside of views, for two eyes and one, for six faces and
-    /// the whole sky.
+    /// Measures a field of asteroids pass by pass: inside and outside of the view, for two eyes and for one, for six
+    /// cube faces and for a map of the whole sky.
     fn asteroids(&mut self, instances: u32) {
         let scene = asteroids(instances);
         let moved = |camera: Camera| SceneSnapshot { camera, ..scene.clone() };

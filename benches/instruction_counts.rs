@@ -4,7 +4,7 @@
 //! The program runs itself under valgrind. Everything before a counted frame (loading, pipelines, the driver's compiler, two
 //! frames that fill caches) runs without instrumentation. The process then makes callgrind instrument one frame, all threads
 //! included, by client requests: sequences of instructions that do nothing outside of valgrind.
-#![allow(unsafe_code, reason = "client requests of valgrind are instructions without a Rust interface")]
+#![allow(unsafe_code, reason = "client requests of valgrind are instructions for which Rust has no interface")]
 
 use std::{
     error::Error,
@@ -30,7 +30,7 @@ use testkit::{
 struct Reference {
     name: &'static str,
     configuration: &'static str,
-    /// The view; empty: all of them.
+    /// Name of the view; empty for all views.
     view: &'static str,
     set: &'static [&'static str],
     wanted: Wanted,
@@ -74,10 +74,10 @@ static FRAMES: [Reference; 10] = [
     },
 ];
 
-/// Few stars, so that loading them takes little time.
+/// The scene has few stars, so that loading takes little time.
 const STARS: &str =
     "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 20000, seed = 1, fainter_than = 6.5 } }]";
-/// Size limit of the folder of stars and atlases; they take less.
+/// Size limit of the folder of stars and atlases. They need less than this.
 const CACHE_BYTES: u64 = 1 << 30;
 /// Turn of the camera from frame to frame, degrees.
 const TURN_DEG: f64 = 0.5;
@@ -116,8 +116,8 @@ enum Request {
 fn request(request: Request, argument: usize) {
     let base = (usize::from(b'C') << 24) | (usize::from(b'T') << 16);
     let arguments = [base + request as usize, argument, 0, 0, 0, 0];
-    // SAFETY: the rotations of rdi add up to 128 bits and the exchange is with itself, so outside of valgrind only the flags change.
-    // Inside, valgrind reads the six words at rax, which live as long as this call, and writes its answer to rdx.
+    // SAFETY: the rotations of rdi add up to 128 bits and a register is exchanged with itself, so outside of valgrind only the flags change. Inside,
+    // valgrind reads the six words at rax, which live as long as this call, and writes its answer to rdx.
     unsafe {
         std::arch::asm!(
             "rol rdi, 3",
@@ -202,13 +202,13 @@ fn count() -> Result<Counts, Box<dyn Error>> {
             .arg(&program)
             .args(["--draw", "--half", half, "--cache"])
             .arg(&kept)
-            // One thread per process: how much waiting threads add to the count depends on chance.
+            // Use one thread per process, because waiting threads add a random amount to the count.
             .env("LP_NUM_THREADS", "0")
             .env("RAYON_NUM_THREADS", "1")
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(|error| format!("valgrind cannot be run: {error}"))
+            .map_err(|error| format!("cannot run valgrind: {error}"))
     };
     let mut counts = Counts::default();
     for process in [start("0")?, start("1")?] {

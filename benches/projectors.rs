@@ -1,6 +1,7 @@
-//! Six projectors of 1920 x 1080 pixels on a dome in the default configuration, with computed blends and display images
-//! read back: compares drawing directly into their pixels with warping flat pictures. The methods are interleaved in
-//! one run; medians are printed. Run: `cargo bench --bench projectors`, or with width and height.
+//! Measures six projectors of 1920 x 1080 pixels on a dome in the default configuration, with computed blends, and with
+//! display images that are read back. Compares drawing directly into the projectors' pixels with warping flat pictures.
+//! The methods are interleaved in one run; medians are printed. Run: `cargo bench --bench projectors`, or with width
+//! and height.
 
 use testkit::theatre;
 

@@ -19,7 +19,7 @@ use steradian::{
 };
 use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
 
-/// A frame with a new pose must arrive within this time.
+/// Longest wait for a frame with a new pose.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Number of streamed frames to save.
 const KEPT_FRAMES: usize = 3;
@@ -36,7 +36,7 @@ struct Arguments {
     /// View whose frames are streamed. Default: the first one.
     #[arg(long)]
     stream: Option<String>,
-    /// Poses along the path.
+    /// Number of poses along the path.
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
     /// Angle by which the camera turns to the left along the path, degrees; at the end it returns to its first
@@ -45,9 +45,9 @@ struct Arguments {
     turn_deg: f64,
 }
 
-/// Results of the reader of the stream.
+/// Frames read from the stream.
 struct Streamed {
-    /// Arrival time of the first frame that shows each awaited pose or a later one, with that frame's revision.
+    /// Arrival time of each frame, and the revision of the camera that it shows.
     arrivals: Vec<(Instant, u64)>,
     /// The last frames.
     kept: Vec<ReceivedFrame>,
@@ -62,7 +62,7 @@ async fn read(mut stream: FrameReceiver, last: oneshot::Receiver<u64>) -> Result
     let mut streamed = Streamed { arrivals: Vec::new(), kept: Vec::new(), frames: 0, dropped: 0 };
     loop {
         let frame = tokio::select! {
-            // The awaited revision is known only at the end of the path; reading ends if its sender was dropped.
+            // The last revision is known only at the end of the path. If its sender was dropped, reading ends.
             revision = &mut last, if wanted.is_none() => {
                 let Ok(revision) = revision else { return Ok(streamed) };
                 wanted = Some(revision);
@@ -98,7 +98,7 @@ async fn move_along_path(
 ) -> Result<Vec<(Instant, u64)>, ClientError> {
     let mut sent = Vec::new();
     for step in 1..=steps {
-        // There and back, smoothly: the share of the turn is sin(pi t), 0 at both ends.
+        // Turn smoothly there and back: the share of the turn is sin(pi t), which is 0 at both ends.
         let share = (std::f64::consts::PI * f64::from(step) / f64::from(steps)).sin();
         let turn = glam::DQuat::from_rotation_y((turn_deg * share).to_radians());
         let orientation = (start.world_from_camera * turn).normalize().to_array();
@@ -148,14 +148,15 @@ async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
     let reader: JoinHandle<Result<Streamed, ClientError>> = tokio::spawn(read(stream, is_last));
     let sent = move_along_path(&mut client, &start, arguments.steps, arguments.turn_deg).await?;
     let (_, newest) = *sent.last().ok_or("the path has no poses")?;
-    // If the reader has failed already, its error is reported below.
+    // Ignore a failed send: if the reader has failed already, its error is reported below.
     let _ = last.send(newest);
     let streamed = timeout(PATIENCE, reader).await.map_err(|_| "the frame of the last pose did not arrive")???;
     for (index, frame) in streamed.kept.iter().enumerate() {
         save(&arguments.out, &format!("{streamed_view}.stream{index}"), frame, "png")?;
     }
 
-    // Time from the call of SetCamera to the arrival of the first frame with its pose; skipped poses have no frame.
+    // The latency is the time from the call of SetCamera to the arrival of the first frame with its pose. Poses that
+    // were skipped have no frame.
     let mut latencies_ms: Vec<f64> = Vec::new();
     for (begin, revision) in &sent {
         if let Some((here, _)) = streamed.arrivals.iter().find(|(_, shown)| shown == revision) {
@@ -165,7 +166,7 @@ async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
     latencies_ms.sort_by(f64::total_cmp);
     println!("streamed    {} frames of {streamed_view}, {} dropped", streamed.frames, streamed.dropped);
     if latencies_ms.is_empty() {
-        return Err("no streamed frame shows any of the poses".into());
+        return Err("none of the streamed frames shows one of the poses".into());
     }
     println!(
         "latency     {:.1} ms median, {:.1} ms p99, from SetCamera to the PNG here ({} of {} poses had a separate frame)",

@@ -105,7 +105,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let error = drawn_lx / (stars_lx + diffuse_lx) - 1.0;
         println!("flux        {:.6e} lx in {}: relative error {error:+.1e}", drawn_lx, view.name);
         if error.is_nan() || error.abs() > 1e-3 {
-            return Err(format!("{}: the picture does not have the light of the stars", view.name).into());
+            return Err(format!("{}: the light in the picture differs from the light of the stars", view.name).into());
         }
         weighed += 1;
     }

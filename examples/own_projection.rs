@@ -3,8 +3,9 @@
 //! The Hammer projection shows the whole sphere in an ellipse twice as wide as high, and every pixel of it has the same
 //! solid angle. The library does not include it; this example implements `PlaneMapping` for it. The f64 renderer draws
 //! with the mapping; the adapter draws with a table of it. `hammer.png` is the sky in galactic coordinates in f64,
-//! `hammer_adapter.png` the adapter's picture. Exits with 1 if the f64 map does not have the light of all stars to 1e-9
-//! or the adapter's to 1e-4, or if the adapter's pixels differ from those of the f64 map.
+//! `hammer_adapter.png` the adapter's picture. Exits with 1 if the light of the f64 map differs from that of all stars
+//! by more than 1e-9, if that of the adapter's map differs by more than 1e-4, or if the adapter's pixels differ from
+//! those of the f64 map.
 
 use std::{
     error::Error,
@@ -41,7 +42,7 @@ use steradian::{
     },
 };
 
-/// Magnitude of the faintest visible stars, and the code of 255 of their peak.
+/// Magnitude of the faintest visible stars, and the 8-bit code of their peak.
 const LIMITING_MAGNITUDE: f64 = 6.5;
 const JUST_SEEN_CODE: f64 = 20.0;
 
@@ -118,8 +119,8 @@ impl PlaneMapping for Hammer {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad: PI }
     }
 
-    /// The ellipse's edge is a cut through the sky. The part of a star's kernel beyond it goes to the pixels inside, so
-    /// that the map has all of its light.
+    /// The edge of the ellipse is a cut through the sky. The part of a star's kernel outside of the ellipse is added to
+    /// the pixels inside, so that the map has all light of the star.
     fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         let mut taps: Vec<Tap> = kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect();
@@ -131,8 +132,8 @@ impl PlaneMapping for Hammer {
     }
 }
 
-/// Maximum difference of a map of the adapter from the f64 one: sum of all differences over the sum of all light. A
-/// star displaced by a hundredth of a pixel differs by 1e-2 of its light.
+/// Largest allowed difference between the adapter's map and the f64 map: the sum of all differences divided by the sum
+/// of all light. For a star displaced by a hundredth of a pixel, it is 1e-2.
 const MOST_APART: f64 = 6e-4;
 
 /// Draws the map on the adapter with a table of the mapping. Compares the light with `true_lx`, and the pixels with
@@ -161,7 +162,7 @@ fn draw_on_adapter(
     let error = drawn_lx / true_lx - 1.0;
     println!("adapter     {}: {drawn_lx:.9e} lx, relative difference {error:+.1e}", renderer.adapter().adapter);
     if error.is_nan() || error.abs() > 1e-4 {
-        return Err("the adapter's map does not have the light of all stars".into());
+        return Err("the light of the adapter's map differs from that of all stars".into());
     }
     let expected = map.luminance_cd_m2(&*table);
     let apart: f64 = image
@@ -210,7 +211,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let error = drawn_lx / true_lx - 1.0;
     println!("flux        {drawn_lx:.9e} lx, all stars {true_lx:.9e} lx: relative difference {error:+.1e}");
     if error.is_nan() || error.abs() > 1e-9 {
-        return Err("the map does not have the light of all stars".into());
+        return Err("the light of the map differs from that of all stars".into());
     }
 
     let tone_map = ToneMapSettings::default();

@@ -38,14 +38,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let stars = Arc::new(StarSet::from_records(bright_stars(0.0)));
     let scene = SceneSnapshot { revision: 1, stars, objects: Default::default(), camera };
 
-    // The rig: a single view with a single image. A rig may have many views of all kinds, which are drawn together.
+    // The rig has a single view with a single image. A rig may also have many views of all kinds, which are drawn
+    // together.
     let kind = ViewKind::Perspective { size: [960, 640], fov_y_rad: 32f64.to_radians() };
     let rig = Rig::new(vec![View::new("orion", kind, DQuat::IDENTITY, DVec3::ZERO)?])?;
 
     let mut settings = RenderSettings::default();
     settings.stars.method = StarMethod::BSpline;
-    // Turn off glare, which would take light from stars near the border out of the picture: the comparison is with the
-    // light of the stars.
+    // Turn off glare, because it would scatter light from stars near the border out of the picture, and the comparison
+    // is with the light of the stars.
     settings.glare = GlareSettings::none();
     // Stars of this magnitude are just visible; brighter ones keep their colours.
     settings.exposure = ExposureValues { limiting_magnitude: 6.5, ..ExposureValues::default() }.into();
@@ -77,7 +78,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let error = drawn_lx / twin_lx - 1.0;
     println!("flux        {drawn_lx:.6e} lx, in f64 {twin_lx:.6e} lx: relative difference {error:+.1e}");
     if error.is_nan() || error.abs() > 1e-3 {
-        return Err("the picture does not have the light of its stars".into());
+        return Err("the light in the picture differs from that of its stars".into());
     }
     Ok(())
 }

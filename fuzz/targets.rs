@@ -24,7 +24,7 @@ fn answer<T>(result: Result<T, impl Display>) -> String {
     result.err().map(|error| error.to_string()).unwrap_or_default()
 }
 
-/// A folder that exists as long as the process, among the system's temporary files.
+/// Folder of this process among the system's temporary files.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("steradian-fuzz-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder for inputs");
@@ -32,7 +32,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     folder
 });
 
-/// Writes the input to a file for a parser of files.
+/// Writes the input to a file, for a parser that reads files.
 fn file(name: &str, data: &[u8]) -> PathBuf {
     let path = FOLDER.join(name);
     std::fs::write(&path, data).expect("the input is written");
@@ -95,7 +95,7 @@ pub fn star_store(data: &[u8]) -> String {
     answer(store::read(&file("fuzz.stars", data)).map(|store| store.named(&store.records(100.0))))
 }
 
-/// Folder of a deep store without stars in its leaves.
+/// Folder of a deep store whose files of leaves and tiles are empty.
 static DEEP_FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = FOLDER.join("deep");
     std::fs::create_dir_all(&folder).expect("a folder for a store");
@@ -128,7 +128,7 @@ pub fn deep_store(data: &[u8]) -> String {
     }))
 }
 
-/// A shape: glTF, as text or with a binary part, and its buffers.
+/// A shape in glTF, as text or with a binary part, and its buffers.
 pub fn gltf(data: &[u8]) -> String {
     answer(ShapeSet::from_gltf(&[file("fuzz.glb", data)]))
 }
@@ -149,8 +149,7 @@ pub fn glare_table(data: &[u8]) -> String {
     answer(PsfTable::read(&path).and_then(|table| table.kernel(1e-3)))
 }
 
-/// A calibration of projectors in any format; after a NUL in the text, the mesh that a configuration of SGCT calls
-/// `mesh.bin`.
+/// A calibration of projectors in any format. In a configuration of SGCT, a NUL is followed by the mesh that the text names `mesh.bin`.
 pub fn theatre(data: &[u8]) -> String {
     let mut data = data;
     if data.starts_with(b"{")

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Checks that all crates and the program compile for Windows, or with `build` as first argument builds the program. Needs the target and, for C code and
-# for linking, MinGW; the script installs neither. A first check takes about four minutes on two cores, so CI does not run it.
+# Checks that all crates and the program compile for Windows, or builds the program if the first argument is `build`. Needs the Rust target, and MinGW
+# for C code and for linking; the script installs neither. A first check takes about four minutes on two cores, so CI does not run it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

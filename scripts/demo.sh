@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Starts the daemon on a free port, lets a client move the camera over gRPC while frames stream back, and writes a dome, a
-# stereo pair, a cubemap and an equirectangular picture to out/, as PNG and as EXR (cd/m^2). Prints adapter, stars, time per
-# view and the error of the light in the pictures. `make demo` builds the programs first.
+# stereo pair, a cubemap and an equirectangular picture to out/, as PNG and as EXR (cd/m^2). Prints the adapter, the number of stars, the time per
+# view, and the error of the light in the pictures. `make demo` builds the programs first.
 #
 # Usage: scripts/demo.sh [CONFIG [FOLDER]]. Exit code 0: all steps succeeded, and the light is correct to 1e-3.
 set -euo pipefail
@@ -9,7 +9,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 readonly config=${1:-configs/demo.toml} out=${2:-out}
 readonly bin=${CARGO_TARGET_DIR:-target}/release
-# The daemon loads its stars before it listens, which takes long with a large catalogue on a slow machine.
+# The daemon loads its stars before it listens. With a large catalogue on a slow machine this takes long.
 readonly start_timeout_s=300 stop_timeout_s=60
 
 for program in "$bin/steradian" "$bin/examples/client" "$bin/examples/flux"; do
@@ -75,5 +75,5 @@ daemon=
 if ((code != 0)); then fail "the daemon ended with code $code after SIGTERM"; fi
 printf 'daemon      drained and ended with code 0\n'
 
-# Reports errors itself: wrong light, or no whole-sky view to measure.
+# The example reports its own errors: wrong light, or a configuration without a view of the whole sky to measure.
 "$bin/examples/flux" --config "$config" --pictures "$out"

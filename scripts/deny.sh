@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Checks the dependencies against deny.toml, with an installed cargo-deny or one that is built once in target/tools. If cargo-deny cannot be built, or the
-# database of advisories cannot be fetched, the script reports which checks were skipped and succeeds. Violations fail.
+# Checks the dependencies against deny.toml, with an installed cargo-deny or one that is built once in target/tools. If cargo-deny cannot be built, or
+# the database of advisories cannot be fetched, the script reports which checks were skipped, and succeeds. It fails if a check finds a violation.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 version=0.20.2
-# Time limit of the build, s: with a slow registry or machine it is abandoned.
+# Time limit of the build, s. If the registry or the machine is too slow, the build is abandoned.
 most_s=${STERADIAN_DENY_BUILD_S:-300}
 tools=${CARGO_TARGET_DIR:-target}/tools
 PATH=$(realpath -m "$tools")/bin:$PATH

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Ensures that the daemon's page can be built (npm) or tested (browser): installs missing packages with apt, and those of web/package-lock.json
-# with npm. Building and running Steradian needs neither: the built page is in web/dist.
+# with npm. Building and running Steradian needs neither npm nor a browser: the built page is in web/dist.
 #
 # Usage: scripts/ensure-page.sh [npm] [browser]. Exit code 69: a missing package cannot be installed.
 set -euo pipefail

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Ensures that the tests of the Python package, with `farm` those of the job templates, or with `hats` that of catalogues in HATS, can run. Building and running Steradian does not need it. Installs, if it
-# is missing:
+# Ensures that the tests of the Python package can run; with the argument `farm` those of the job templates, with `hats` that of catalogues in HATS.
+# Building and running Steradian does not need this. Installs what is missing:
 # - with apt, a Python with grpcio, protobuf, numpy, pytest and mypy,
 # - `farm`: with pip, openjd-cli and kubernetes-validate in a virtual environment in ~/.cache/steradian/farm (130 MB),
 # - `hats`: with pip, hats-import in a virtual environment in ~/.cache/steradian/hats (930 MB).

@@ -63,7 +63,7 @@ manifests() {
     done
 }
 
-# render_node_of VENDOR...: whether this user may use a GPU of one of these PCI vendors (no argument: of any vendor).
+# render_node_of VENDOR...: whether this user may use a GPU of one of these PCI vendors, or of any vendor if none is given.
 render_node_of() {
     local node vendor wanted
     for node in /dev/dri/renderD*; do
@@ -77,7 +77,7 @@ render_node_of() {
     return 1
 }
 
-# works LIBRARY: whether the hardware of a driver exists. Without it a hardware driver offers no adapter.
+# works LIBRARY: whether this machine has the hardware for a driver. Without it, a hardware driver offers no adapter.
 works() {
     case ${1##*/} in
     *lvp* | *swiftshader*) return 0 ;;
@@ -109,7 +109,7 @@ find_driver() {
 
 # apt_knows_backports: whether the suite is among the apt sources, in either format.
 apt_knows_backports() {
-    # With -q a match counts even if one of the two places does not exist.
+    # With -q, grep succeeds on a match even if one of the two places does not exist.
     grep -rqsE --include='*.list' --include='*.sources' '^(deb|Suites:).*bookworm-backports' \
         /etc/apt/sources.list /etc/apt/sources.list.d
 }
@@ -124,7 +124,7 @@ ensure_backports() {
     fi
     say "adding $BACKPORTS_FILE for a driver newer than Debian 12's (remove the file if you do not want it)"
     printf '%s\n' "$source" | as_root tee "$BACKPORTS_FILE" >/dev/null
-    # The exit code also depends on other sources, so check instead whether the suite is available.
+    # The exit code of the update also depends on other sources, so check whether the suite is available instead.
     apt_refresh
     if ! grep -q 'n=bookworm-backports' <<<"$(apt-cache policy)"; then
         say "bookworm-backports cannot be read from there: removing $BACKPORTS_FILE"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Ensures that windows can be tested without a monitor: installs Xvfb, and Xorg with its dummy driver, whose monitors can be switched on and
-# off, with apt. Building and running Steradian needs neither.
+# Ensures that windows can be tested without a monitor. Installs with apt Xvfb, and Xorg with its dummy driver, whose monitors can be switched on and
+# off. Building and running Steradian needs neither.
 #
 # Usage: scripts/ensure-windows.sh. Exit code 69: a missing package cannot be installed.
 set -euo pipefail

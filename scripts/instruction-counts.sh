@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Counts the instructions of ten reference frames with callgrind, and reports those that have grown by more than 10 % since
-# benches/instruction_counts.csv was recorded. With --record it records them. Installs valgrind if it can, and takes at most three minutes.
+# benches/instruction_counts.csv was recorded. With --record it records the counts instead. Installs valgrind if possible, and takes at most three
+# minutes.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -11,7 +12,7 @@ if ! command -v valgrind >/dev/null; then
     echo 'ci: instruction counts: not compared, valgrind is not installed' >&2
     exit 0
 fi
-# Not `cargo bench`: this build shares the library with the tests.
+# Do not use `cargo bench`: this build shares the compiled library with the tests.
 program=$(cargo build --release --bench instruction_counts --message-format=json |
     sed -n 's/.*"name":"instruction_counts".*"executable":"\([^"]*\)".*/\1/p' | tail -n 1)
 code=0

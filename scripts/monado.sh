@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Ensures that Monado, an OpenXR runtime that needs no headset, is unpacked in a folder of this user, and prints that
-# folder. The headset tests start it there; it is not part of Steradian. Exit code 69: it is not available here.
+# folder. The headset tests start it there; it is not part of Steradian. Exit code 69: Monado is not available here.
 #
 # The packages come from Debian's suite trixie, with the address and key of the machine's Debian source. They are fetched
 # and unpacked, not installed: the system does not change, including its apt state, and no root is needed. The C library
@@ -13,7 +13,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/lib/apt.sh
 
-# Number of this recipe, part of the folder's name: increase it with every change of the contents.
+# Version number of this script, which is part of the folder's name. Increase it with every change of the folder's contents.
 readonly RECIPE=1
 readonly SUITE=trixie
 readonly LIBRARIES=/usr/lib/x86_64-linux-gnu
@@ -28,8 +28,7 @@ readonly NEEDLESS=(
     xkb-data
 )
 
-# write_status FILE: writes the list of installed packages for apt: the unneeded ones, in a version that satisfies every
-# dependency.
+# write_status FILE: writes apt's list of installed packages. It contains the unneeded packages, in a version that satisfies every dependency.
 write_status() {
     local package
     for package in "${NEEDLESS[@]}"; do
@@ -38,8 +37,8 @@ write_status() {
     done >"$1"
 }
 
-# write_apt_configuration FOLDER: configures apt to use only FOLDER. Of the machine's settings it keeps those for fetching
-# (proxies, time limits), but no hooks, which act on the system.
+# write_apt_configuration FOLDER: configures apt to use only FOLDER. It keeps the machine's settings for fetching (proxies, time limits), but not its
+# hooks, which would change the system.
 write_apt_configuration() {
     local folder=$1
     apt-config dump | grep '^Acquire::' >"$folder/apt.conf" || true
@@ -76,7 +75,7 @@ fetch() {
     if ! debian_source "$own" "$SUITE" >"$folder/debian.sources"; then
         fail "no apt source of Debian found, so the address of its suite $SUITE is unknown"
     fi
-    # Package lists only: no lists of files, descriptions or icons.
+    # Fetch only the package lists, not the lists of files, descriptions or icons.
     printf 'Targets: Packages\n' >>"$folder/debian.sources"
 
     say "reading the package lists of Debian $SUITE"
@@ -107,7 +106,7 @@ library_of() { sed -nE 's/.*"library_path"[[:space:]]*:[[:space:]]*"([^"]*)".*/\
 absolute_manifest() {
     local manifest=$1 root=$2 target=$3 library
     library=$(library_of "$manifest")
-    # The dynamic linker looks up a bare name.
+    # A bare name is one that the dynamic linker looks up: the library is in this folder.
     if [[ $library != /* ]]; then library=$LIBRARIES/$library; fi
     if [[ ! -f $root$library ]]; then fail "$manifest names a missing library: $library"; fi
     sed -E "s|(\"library_path\"[[:space:]]*:[[:space:]]*\")[^\"]*|\1$root$library|" "$manifest" >"$target"
@@ -125,7 +124,7 @@ only() {
 describe() {
     local dir=$1 root=$1/root libraries=$1/root$LIBRARIES
     local linker=$libraries/ld-linux-x86-64.so.2 driver runtime layer
-    # On an installed system, alternatives and run paths of the packages would name these folders.
+    # On an installed system, the alternatives and the run paths of the packages name these folders.
     local path=$libraries:$root/usr/lib:$libraries/blas:$libraries/lapack:$libraries/pulseaudio
     mkdir -p "$dir/manifests/layers"
     driver=$(only "$root/usr/share/vulkan/icd.d/lvp_icd*.json")
@@ -146,7 +145,7 @@ describe() {
         fi
     done
 
-    # Steradian's tests read this file. It is renamed into place last, so that its existence implies that of all files it names.
+    # Steradian's tests read this file. It is renamed to its final name last, so that it exists only if all files that it names exist.
     cat >"$dir/runtime.json.part" <<RUNTIME
 {
     "recipe": $RECIPE,
@@ -180,13 +179,13 @@ else
 fi
 mkdir -p "$dir" 2>/dev/null || fail "the folder for Monado cannot be created: $dir"
 dir=$(realpath "$dir")
-# Manifests and library paths contain the folder's name, and cannot quote these characters.
+# The folder's name is part of manifests and library paths, in which these characters cannot be quoted.
 case $dir in
 *[\"\\:\|\&]* | *$'\n'*) fail "the folder for Monado must have no quote, backslash, colon, | or & in its name: $dir" ;;
 esac
 
 if ! complete "$dir"; then
-    # Partial results are removed below. A folder with other contents, named by mistake, must not lose them.
+    # Partial results are removed below. If the user named a folder with other contents by mistake, those must not be removed.
     if [[ ! -e $dir/monado.lock && -n $(ls -A "$dir") ]]; then
         fail "the folder for Monado must be new or empty: $dir"
     fi
@@ -196,7 +195,7 @@ if ! complete "$dir"; then
     for tool in apt-get apt-config dpkg-deb tar flock; do
         command -v "$tool" >/dev/null || fail "fetching Monado needs the tools of Debian, and $tool is missing"
     done
-    # One run at a time: the second one waits and finds the result. The lock ends with the script.
+    # Only one run at a time does this: a second one waits, and then finds the result. The lock ends with the script.
     if [[ ! -w $dir ]]; then fail "the folder for Monado is not writable: $dir"; fi
     exec 9>>"$dir/monado.lock"
     if ! flock --nonblock 9; then

@@ -24,7 +24,7 @@ check_cargo() {
     fi
 }
 
-# rustc links through the driver of the C compiler, and the crates ring and zstd-sys compile C.
+# rustc calls the C compiler to link, and the crates ring and zstd-sys compile C code.
 check_linker() {
     if command -v cc >/dev/null; then return; fi
     local reason="'cc' is missing, which rustc needs for linking and some crates for C"

@@ -22,7 +22,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The only place that prints errors.
+/// Prints an error. No other code prints errors.
 fn report(error: &CliError) -> ExitCode {
     // If standard error is closed, the exit code still reports the failure.
     match writeln!(io::stderr(), "error: {error}") {

@@ -1,4 +1,4 @@
-//! Frames of directors and nodes, read from their logs.
+//! Reads the frames of directors and nodes from their logs.
 
 use std::{collections::HashMap, error::Error, fs};
 
@@ -11,7 +11,7 @@ pub struct FrameName {
     pub number: u64,
 }
 
-/// Verdict of a director.
+/// Verdict of a director on a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Number of nodes in the mask.
@@ -19,7 +19,7 @@ pub enum Verdict {
     Skip(String),
 }
 
-/// A frame of a director.
+/// Log entries of a director about one frame.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
     pub state_ns: Option<u64>,
@@ -47,7 +47,7 @@ pub struct Events {
     pub shown: Vec<Shown>,
 }
 
-/// Parses the part of a line after its kind: frame, time, and further words.
+/// Parses the words of a log line that follow the kind of event: frame, time, and further words.
 fn parts<'a>(words: &[&'a str]) -> Option<(FrameName, u64, Vec<&'a str>)> {
     let [epoch, number, "at", at_ns, rest @ ..] = words else { return None };
     let (counter, run) = epoch.split_once('.')?;

@@ -1,7 +1,8 @@
-//! The machine's clock as a time service would keep it, and steps of it. Needs root, and a machine without a time service.
+//! Keeps the machine's clock marked as synchronised, as a time service would, and sets it forward or back. Needs root, and a machine without a time
+//! service.
 
 #![allow(unsafe_code, reason = "neither the standard library nor `rustix` has `adjtimex`")]
-#![allow(clippy::print_stderr, reason = "an error while the clock is given back cannot be returned")]
+#![allow(clippy::print_stderr, reason = "drop cannot return an error that occurs while it restores the clock")]
 
 use std::{
     error::Error,
@@ -22,7 +23,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 const TAI_OFFSET_S: i64 = 37;
 /// Maximum error of the clock, as reported to the kernel, us.
 const LARGEST_ERROR_US: i64 = 100;
-/// Interval between two corrections: a step makes the kernel distrust its clock until the next one.
+/// Interval between two reports that the clock is synchronised. After a step, the kernel treats its clock as unsynchronised until the next report.
 const CORRECTION: Duration = Duration::from_millis(200);
 
 /// Changes the state of the kernel's clock.
@@ -52,13 +53,13 @@ pub struct Disciplined {
 }
 
 impl Disciplined {
-    /// Reports the clock as synchronised from now on.
+    /// Begins to report the clock to the kernel as synchronised, until the value is dropped.
     pub fn begin() -> Outcome<Self> {
         let state = adjust(0, 0, 0, 0)?;
         if state.status & libc::STA_UNSYNC == 0 {
-            return Err("a time service steers the clock of this machine: stop it first".into());
+            return Err("a time service controls the clock of this machine: stop the service first".into());
         }
-        discipline().map_err(|error| format!("the clock of this machine cannot be changed: {error}"))?;
+        discipline().map_err(|error| format!("cannot change the clock of this machine: {error}"))?;
         let is_needed = Arc::new(AtomicBool::new(true));
         let is_still = Arc::clone(&is_needed);
         let corrections = thread::spawn(move || {
@@ -71,7 +72,7 @@ impl Disciplined {
         Ok(Self { is_needed, corrections: Some(corrections), set_by_ns: AtomicI64::new(0) })
     }
 
-    /// Sets the clock forward or back by a time, ns.
+    /// Sets the clock forward by `ns`, or back if `ns` is negative.
     pub fn step(&self, ns: i64) -> Outcome<()> {
         let now = clock_gettime(ClockId::Realtime);
         let sum = i128::from(now.tv_sec) * 1_000_000_000 + i128::from(now.tv_nsec) + i128::from(ns);
@@ -89,14 +90,14 @@ impl Drop for Disciplined {
     fn drop(&mut self) {
         self.is_needed.store(false, Ordering::Relaxed);
         if let Some(Ok(Err(error))) = self.corrections.take().map(JoinHandle::join) {
-            eprintln!("the clock was not corrected: {error}");
+            eprintln!("cannot report the clock as synchronised: {error}");
         }
         let undone = self.step(-self.set_by_ns.load(Ordering::Relaxed)).and_then(|()| {
             adjust(libc::ADJ_STATUS, libc::STA_UNSYNC, 0, 0)?;
             Ok(adjust(libc::ADJ_TAI, 0, 0, 0).map(drop)?)
         });
         if let Err(error) = undone {
-            eprintln!("the clock is not as it was before: {error}");
+            eprintln!("cannot restore the clock: {error}");
         }
     }
 }

@@ -1,12 +1,13 @@
 //! Measures a cluster: a director and nodes as processes of this machine, with small views. Nodes and directors are killed, stopped and cut off at random
-//! moments; the logs of all processes say what each of them showed, and when. `cargo bench --bench cluster -- --help`.
+//! moments; the logs of all processes record which frames each of them showed, and when. `cargo bench --bench cluster -- --help`.
 //!
-//! All processes run on one machine, so all times come from one monotonic clock. A node shows a frame when it hands it to streams and windows.
+//! All processes run on one machine, so all times come from one monotonic clock. A frame counts as shown when the node hands it to streams and
+//! windows.
 
 #[allow(clippy::unwrap_used, reason = "a bench may panic on unexpected values")]
 #[path = "../../tests/cluster/certificates.rs"]
 mod certificates;
-#[allow(clippy::unwrap_used, dead_code, reason = "the tests of windows use more of it, and panic on unexpected values")]
+#[allow(clippy::unwrap_used, dead_code, reason = "only tests of windows use all of it; tests may panic")]
 #[path = "../../tests/windows/desktop.rs"]
 mod desktop;
 mod events;
@@ -42,7 +43,7 @@ struct Arguments {
     /// Pixels of each node's view, as WIDTHxHEIGHT.
     #[arg(long, global = true, default_value = "64x48", value_parser = size)]
     size: [u32; 2],
-    /// Policy at the deadline: together or apart.
+    /// Policy if a node misses the deadline: together or apart.
     #[arg(long, global = true, default_value = "together")]
     at_deadline: String,
     /// Number of late frames in a row after which a node is left out.
@@ -54,23 +55,23 @@ struct Arguments {
     /// Seed of the random moments.
     #[arg(long, global = true, default_value_t = 1)]
     seed: u64,
-    /// A network namespace per process, with TLS, in place of loopback. Needs root, `ip` and `nft`.
+    /// Use a network namespace per process, with TLS, instead of loopback. Needs root, `ip` and `nft`.
     #[arg(long, global = true)]
     namespaces: bool,
-    /// With --namespaces: share of the packets that are dropped on arrival, in thousandths.
+    /// With --namespaces: how many of a thousand arriving packets are dropped.
     #[arg(long, global = true, value_parser = clap::value_parser!(u32).range(1..1000))]
     loss: Option<u32>,
     /// With --namespaces: the shortest time-out of TCP, us (`tcp_rto_min_us` of Linux 6.11 and later).
     #[arg(long, global = true)]
     rto_min_us: Option<u32>,
-    /// Nodes open windows on an Xvfb and show one star, which is in a different column in every frame. A steady run reads the columns.
+    /// Nodes open windows on an Xvfb and show one star, which is in a different column in every frame. The run `steady` reads the columns.
     #[arg(long, global = true)]
     windows: bool,
-    /// Frames have a time of presentation: the kernel's clock is marked as synchronised. Needs root, and a machine without a time service. `wire`
-    /// needs neither: it passes the monotonic clock to the lock instead.
+    /// Give frames a time of presentation. For this, the kernel's clock is marked as synchronised, which needs root and a machine without a time
+    /// service. The run `wire` needs neither: it passes the monotonic clock to the lock instead.
     #[arg(long, global = true)]
     disciplined: bool,
-    /// Keeps configuration and logs, and prints their folder.
+    /// Keep the configuration and the logs, and print their folder.
     #[arg(long, global = true)]
     keep: bool,
     /// Option that cargo passes to every benchmark.
@@ -80,41 +81,43 @@ struct Arguments {
 
 #[derive(Clone, Debug, Subcommand)]
 enum Run {
-    /// Nothing is harmed.
+    /// Runs without faults.
     Steady {
         /// Number of frames to request.
         #[arg(long, default_value_t = 20_000)]
         frames: u64,
     },
-    /// Nodes are killed and started again.
+    /// Kills nodes and starts them again.
     Kills {
         #[arg(long, default_value_t = 50)]
         count: u32,
-        /// Kill the next node only when all nodes take part again. By default it is killed as soon as one node more than a majority takes part.
+        /// Kill the next node only when all nodes take part again. By default, the next node is killed as soon as the participating nodes are one
+        /// more than a majority.
         #[arg(long)]
         one_at_a_time: bool,
     },
-    /// Nodes are stopped and resumed.
+    /// Stops nodes and resumes them.
     Hangs {
         #[arg(long, default_value_t = 20)]
         count: u32,
     },
-    /// The director is killed and started again.
+    /// Kills the director and starts it again.
     DirectorKills {
         #[arg(long, default_value_t = 20)]
         count: u32,
     },
-    /// The clock of the machine is set forward or back by up to half a second, and later set back. Needs --disciplined.
+    /// Sets the clock of the machine forward or back by up to half a second, and later undoes this. Needs --disciplined.
     ClockSteps {
         #[arg(long, default_value_t = 20)]
         count: u32,
     },
-    /// The director is stopped, another one is started, and then the first one is resumed.
+    /// Stops the director, starts another one, and then resumes the first one.
     OldDirector {
         #[arg(long, default_value_t = 5)]
         count: u32,
     },
-    /// Two directors, each reached by half of the nodes, then by some more or less. Needs --namespaces.
+    /// Starts a second director. At first, half of the nodes reach each of the two; then one node more reaches the second one instead of the first.
+    /// Needs --namespaces.
     Partition {
         /// Length of each part, seconds.
         #[arg(long, default_value_t = 15.0)]
@@ -125,10 +128,10 @@ enum Run {
     /// A process of `wire`.
     #[command(hide = true)]
     WireProcess(wire::Place),
-    /// Prints the figures of logs that an earlier run has kept (--keep), except the figures of faults.
+    /// Prints the figures from the logs that an earlier run kept (--keep), except the figures of faults.
     Report {
         folder: PathBuf,
-        /// Length of the period after the first frame that is not counted, seconds.
+        /// Time after the first frame during which nothing is counted, seconds.
         #[arg(long, default_value_t = 5.0)]
         skip: f64,
         /// Number of the last frame that is counted.
@@ -149,7 +152,7 @@ impl Run {
 /// Reads WIDTHxHEIGHT.
 fn size(text: &str) -> Result<[u32; 2], String> {
     let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
-    sides.ok_or_else(|| "must be WIDTHxHEIGHT, such as 64x48".to_owned())
+    sides.ok_or_else(|| "must be WIDTHxHEIGHT, for example 64x48".to_owned())
 }
 
 /// Load averages of the machine.

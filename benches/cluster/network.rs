@@ -55,7 +55,7 @@ impl Namespaces {
         format!("{SUBNET}.{}", director + 1)
     }
 
-    /// Opens a namespace for each host, all on one bridge in a further one.
+    /// Opens a namespace for each host, and connects them by a bridge in an additional namespace.
     fn open(directors: usize, hosts: &[String], shortest_timeout_us: Option<u32>) -> Outcome<Self> {
         let prefix = format!("stcl{}", std::process::id());
         let mut all = Self { prefix, directors, hosts: Vec::new() };
@@ -66,7 +66,7 @@ impl Namespaces {
         run("ip", &["-n", &switch, "link", "set", "bridge", "up"], "")?;
         for (index, host) in hosts.iter().enumerate() {
             let (name, port) = (all.name(host), format!("port{index}"));
-            // The numbers of nodes begin after the largest possible number of directors.
+            // Addresses of nodes begin at 11, so that they differ from those of directors.
             let number = if index < directors { index + 1 } else { index - directors + 11 };
             let address = format!("{SUBNET}.{number}/24");
             all.hosts.push(host.clone());
@@ -100,22 +100,22 @@ impl Namespaces {
 impl Drop for Namespaces {
     fn drop(&mut self) {
         for host in &self.hosts {
-            // It may be missing if opening has failed.
+            // The namespace is missing if opening it failed.
             drop(run("ip", &["netns", "del", &self.name(host)], ""));
         }
     }
 }
 
 impl Network {
-    /// Ports of the loopback interface.
+    /// Opens a network on ports of the loopback interface.
     pub fn loopback(directors: usize) -> Outcome<Self> {
-        // All listeners are open at the same time, so their ports differ.
+        // Keep all listeners open at the same time, so that their ports differ.
         let listeners = (0..directors).map(|_| TcpListener::bind("127.0.0.1:0")).collect::<Result<Vec<_>, _>>()?;
         let ports = listeners.iter().map(|listener| Ok(listener.local_addr()?.port()));
         Ok(Self::Loopback(ports.collect::<std::io::Result<_>>()?))
     }
 
-    /// Namespaces for the directors and nodes, with certificates in a folder.
+    /// Opens namespaces for the directors and nodes, and writes their certificates to a folder.
     pub fn namespaces(folder: &Path, directors: usize, nodes: &[String], timeout_us: Option<u32>) -> Outcome<Self> {
         let hosts: Vec<String> = (0..directors).map(|director| format!("d{director}")).chain(nodes.to_vec()).collect();
         let spaces = Namespaces::open(directors, &hosts, timeout_us)
@@ -139,7 +139,7 @@ impl Network {
         }
     }
 
-    /// Further keys of `[cluster]`.
+    /// Returns the keys of `[cluster]` for this network.
     pub fn keys(&self) -> &'static str {
         match self {
             Self::Loopback(_) => "",
@@ -147,12 +147,12 @@ impl Network {
         }
     }
 
-    /// A command that runs a program on a host.
+    /// Returns a command that runs a program on a host.
     pub fn command(&self, host: &str, program: &str) -> Command {
         match self {
             Self::Loopback(_) => Command::new(program),
             Self::Namespaces(spaces) => {
-                // `ip` executes the program in its own process, so the process number stays the same.
+                // `ip` replaces itself by the program, so the process number stays the same.
                 let mut command = Command::new("ip");
                 command.args(["netns", "exec", &spaces.name(host), program]);
                 command
@@ -167,14 +167,14 @@ impl Network {
         }
     }
 
-    /// From now on, every host drops this share of the arriving packets, in thousandths.
+    /// Makes every host drop this many of a thousand arriving packets.
     pub fn lose(&self, thousandths: u32) -> Outcome<()> {
         let spaces = self.spaces()?;
         let rule = format!("numgen random mod 1000 < {thousandths} counter drop");
         spaces.hosts.iter().skip(1).try_for_each(|host| spaces.filter(host, &rule, ""))
     }
 
-    /// From now on, a host cannot reach these directors.
+    /// Cuts a host off from these directors, and reconnects it to all others.
     pub fn cut_off(&self, host: &str, directors: &[usize]) -> Outcome<()> {
         let spaces = self.spaces()?;
         let rules = |word: &str| {

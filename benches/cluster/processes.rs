@@ -25,10 +25,10 @@ pub const PATIENCE: Duration = Duration::from_secs(180);
 const LOOK: Duration = Duration::from_millis(20);
 /// Time from the deadline of a frame to its presentation, ns.
 const LEAD_NS: f64 = 33e6;
-/// Frames of directors and nodes in their logs.
+/// Log filter with which directors and nodes log their frames.
 const LOG: &str = "info,zenoh=error,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,steradian::cluster::frames=trace";
 
-/// Returns the monotonic time, ns, which the lines of the logs also have.
+/// Returns the monotonic time, ns. The lines of the logs contain the same time.
 pub fn now_ns() -> u64 {
     let time = clock_gettime(ClockId::Monotonic);
     u64::try_from(i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)).unwrap_or(0)
@@ -37,7 +37,7 @@ pub fn now_ns() -> u64 {
 /// One run of a director or node.
 #[derive(Clone, Debug)]
 pub struct Life {
-    /// Name of the node; `None`: a director.
+    /// Name of the node; `None` for a director.
     pub node: Option<String>,
     pub log: PathBuf,
     pub killed_ns: Option<u64>,
@@ -54,7 +54,7 @@ struct Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended already. SIGKILL also ends a stopped process.
+        // The process may have ended already. SIGKILL ends even a stopped process.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -66,7 +66,7 @@ pub struct Form {
     pub nodes: usize,
     /// Program of all processes.
     pub program: String,
-    /// Display of the windows in which nodes show a sky of one star; `None`: no windows, and the sky of the bright stars.
+    /// Display for the windows in which nodes show a sky of one star. With `None` there are no windows, and the sky has the bright stars.
     pub display: Option<String>,
     pub rate_hz: f64,
     pub size: [u32; 2],
@@ -77,8 +77,8 @@ pub struct Form {
 }
 
 impl Form {
-    /// A frame that is shown later than this after its COMMIT belongs to a backlog, ns. It is one period; with a clock, the period begins at the time
-    /// of presentation of a frame that is committed at once.
+    /// Time after its COMMIT, ns, from which a shown frame belongs to a backlog. It is one period. With a clock, the period begins at the time of
+    /// presentation of a frame that is committed at once.
     pub fn backlog_ns(&self) -> u64 {
         let period_ns = 1e9 / self.rate_hz;
         let ahead_ns = if self.has_clock { 0.75 * period_ns + LEAD_NS } else { 0.0 };
@@ -86,7 +86,7 @@ impl Form {
     }
 }
 
-/// A cluster of processes. Hosts are `d0`, `d1` and the names of the nodes.
+/// A cluster of processes. Hosts are `d0`, `d1` (the directors) and the names of the nodes.
 pub struct Cluster {
     pub folder: tempfile::TempDir,
     pub network: Network,
@@ -142,7 +142,7 @@ fn configuration(form: &Form, nodes: &[String], network: &Network) -> String {
     text
 }
 
-/// Returns the processes whose logs are in a folder, as `HOST.NUMBER.log`. The times at which they were killed or stopped are unknown.
+/// Returns the processes whose logs are in a folder, as `HOST.NUMBER.log`. It is unknown when they were killed or stopped.
 pub fn lives(folder: &Path) -> Outcome<Vec<Life>> {
     let mut lives = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -157,7 +157,7 @@ pub fn lives(folder: &Path) -> Outcome<Vec<Life>> {
 }
 
 impl Cluster {
-    /// A cluster without processes.
+    /// Creates a cluster without processes.
     pub fn new(form: &Form, network: impl FnOnce(&Path, &[String]) -> Outcome<Network>) -> Outcome<Self> {
         let folder = tempfile::tempdir()?;
         let nodes = names(form.nodes);

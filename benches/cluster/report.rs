@@ -7,12 +7,12 @@ use crate::{
     processes::Life,
 };
 
-/// A frame is mixed if two nodes showed it this far apart, ns.
+/// A frame is mixed if two nodes showed it at times that differ by at least this, ns.
 const MIXED_NS: u64 = 5_000_000;
-/// Time that a resumed process needs to show frames again, ns; until then its gaps are attributed to its own stop.
+/// Time that a resumed process needs to show frames again, ns. A gap that begins before this is attributed to the stop of the process.
 const AFTER_STOP_NS: u64 = 500_000_000;
 
-/// Median, 99 % and maximum.
+/// Distribution of times, printed as median, 99 % quantile and maximum.
 pub struct Spread {
     values: Vec<f64>,
 }
@@ -45,7 +45,7 @@ pub fn row(name: &str, value: impl std::fmt::Display) {
     println!("| {name} | {value} |");
 }
 
-/// Gaps between two shown frames of one process.
+/// Gap between two successive frames that one process showed.
 #[derive(Clone, Debug)]
 pub struct Gap {
     pub node: String,
@@ -61,7 +61,7 @@ impl Gap {
     }
 }
 
-/// Frames that one process has shown, by process.
+/// Returns the frames that each process has shown.
 fn by_life(events: &Events) -> BTreeMap<usize, Vec<&Shown>> {
     let mut lives: BTreeMap<usize, Vec<&Shown>> = BTreeMap::new();
     for shown in &events.shown {
@@ -70,7 +70,7 @@ fn by_life(events: &Events) -> BTreeMap<usize, Vec<&Shown>> {
     lives
 }
 
-/// All gaps of nodes.
+/// Returns all gaps of all nodes.
 pub fn gaps(events: &Events, lives: &[Life]) -> Vec<Gap> {
     let mut gaps = Vec::new();
     for (life, shown) in by_life(events) {
@@ -86,13 +86,13 @@ pub fn gaps(events: &Events, lives: &[Life]) -> Vec<Gap> {
     gaps
 }
 
-/// The longest gap of the nodes that a fault did not hit, within a time after the fault.
+/// Returns the longest gap within a time after a fault, among the nodes that the fault did not hit.
 pub fn longest_after(gaps: &[Gap], fault_ns: u64, within_ns: u64) -> Option<u64> {
     let meets = |gap: &&Gap| !gap.is_own && gap.until_ns > fault_ns && gap.from_ns < fault_ns + within_ns;
     gaps.iter().filter(meets).map(Gap::ns).max()
 }
 
-/// Prints the figures that every run has. A frame that is shown later than `backlog_ns` after its COMMIT belongs to a backlog.
+/// Prints the figures that are common to all runs. A frame that is shown later than `backlog_ns` after its COMMIT belongs to a backlog.
 pub fn print(events: &Events, lives: &[Life], nodes: usize, backlog_ns: u64) {
     let mut skipped: BTreeMap<&str, usize> = BTreeMap::new();
     let mut without_verdict = 0_usize;
@@ -105,7 +105,7 @@ pub fn print(events: &Events, lives: &[Life], nodes: usize, backlog_ns: u64) {
     }
     let committed = events.committed();
     let skips: Vec<String> = skipped.iter().map(|(why, count)| format!("{count} {why}")).collect();
-    row("frames asked for", events.frames.len());
+    row("requested frames", events.frames.len());
     row("committed", committed.len());
     row("skipped", if skips.is_empty() { "0".to_owned() } else { skips.join(", ") });
     row("without a verdict in the log (director killed)", without_verdict);
@@ -136,7 +136,7 @@ pub fn print(events: &Events, lives: &[Life], nodes: usize, backlog_ns: u64) {
     row("frames with a skew of 5 ms or more", format!("{mixed} of {}", skews.len()));
     let meant: usize = committed.iter().map(|(_, _, nodes, _)| *nodes).sum();
     let of_committed: usize = committed.iter().map(|(name, ..)| shown_at.get(name).map_or(0, Vec::len)).sum();
-    row("shown of committed pictures", format!("{of_committed} of {meant}"));
+    row("committed pictures that were shown", format!("{of_committed} of {meant}"));
 
     // Counts that must be 0.
     let verdicts: HashMap<FrameName, u64> = committed.iter().map(|(name, _, _, at_ns)| (*name, *at_ns)).collect();
@@ -155,7 +155,7 @@ pub fn print(events: &Events, lives: &[Life], nodes: usize, backlog_ns: u64) {
         .map(|shown| shown.windows(2).filter(|pair| pair[1].frame <= pair[0].frame).count())
         .sum();
     row("shown in the wrong order", backwards);
-    row("epochs that alternate", alternations(&events.shown));
+    row("frames shown after one of a later epoch", alternations(&events.shown));
 
     let gaps = gaps(events, lives);
     let mut longest: BTreeMap<&str, u64> = BTreeMap::new();
@@ -168,7 +168,7 @@ pub fn print(events: &Events, lives: &[Life], nodes: usize, backlog_ns: u64) {
     row("longest gap of each node, ms", longest.join(", "));
 }
 
-/// Number of frames that any node showed after another node had shown a frame of a higher epoch.
+/// Counts the frames that a node showed after another node had shown a frame of a higher epoch.
 pub fn alternations(shown: &[Shown]) -> usize {
     let mut sorted: Vec<&Shown> = shown.iter().collect();
     sorted.sort_by_key(|shown| shown.at_ns);
@@ -181,7 +181,7 @@ pub fn alternations(shown: &[Shown]) -> usize {
     count
 }
 
-/// Frames that each epoch has committed and shown.
+/// Returns the number of frames that each epoch has committed and shown.
 pub fn epochs(events: &Events) -> Vec<((u64, u64), usize, usize)> {
     let mut epochs: BTreeMap<(u64, u64), (usize, usize)> = BTreeMap::new();
     events.committed().iter().for_each(|(name, ..)| epochs.entry(name.epoch).or_default().0 += 1);

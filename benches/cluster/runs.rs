@@ -19,16 +19,17 @@ use crate::{
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Turn of the camera: some pixels per frame.
+/// Turn rate of the camera: it moves by some pixels per frame.
 const TURN_RAD_S: f64 = 0.4;
 /// Angle after which the camera jumps back.
 const SWEEP_RAD: f64 = 0.5;
-/// Time after a fault within which its effects are searched, ns.
+/// Gaps that begin within this time after a fault are attributed to it, ns.
 const EFFECT_NS: u64 = 2_000_000_000;
-/// A stopped director is given up after this time: longer than the lease of a connection.
+/// Time for which a director is stopped before another one is started. It is longer than the lease of a connection.
 const STOPPED: Duration = Duration::from_millis(2_500);
 
-/// A fault: the host (empty: all), and the times at which it was disturbed and could continue.
+/// A fault. `host` is empty if it concerns all hosts; `at_ns` is the time at which the host was disturbed, and
+/// `until_ns` the time from which it could continue.
 struct Fault {
     host: String,
     at_ns: u64,
@@ -47,7 +48,8 @@ impl Random {
     }
 }
 
-/// Starts all processes, waits until all take part, and changes the scene: a process that starts again has to fetch it.
+/// Starts all processes, waits until all take part, and then changes the scene, so that a process that starts again has
+/// to fetch it.
 async fn begin(cluster: &mut Cluster) -> Outcome<()> {
     cluster.start("d0")?;
     for node in cluster.nodes.clone() {
@@ -75,7 +77,7 @@ pub async fn run(
     (desktop, clock, loss): (Option<Desktop>, Option<&Disciplined>, Option<u32>),
     seed: u64,
 ) -> Outcome<()> {
-    // The windows need their display until the end.
+    // Keep the display of the windows until the end of the run.
     let desktop = desktop.map(Arc::new);
     let mut random = Random(ChaCha8Rng::seed_from_u64(seed));
     begin(cluster).await?;
@@ -102,14 +104,14 @@ pub async fn run(
         Run::Partition { seconds } => return partition(cluster, Duration::from_secs_f64(seconds)).await,
     };
     let until_ns = now_ns();
-    // All take part in the end, with the same scene.
+    // Wait until all nodes take part with the same scene.
     let stats = cluster.all_in(leader).await?;
     cluster.end();
     let events = Events::read(&cluster.lives)?.within(from_ns, until_ns);
     report::print(&events, &cluster.lives, form.nodes, form.backlog_ns());
     row("nodes with the scene of the director at the end", format!("{} of {}", stats.nodes.len(), form.nodes));
-    row("threads of the network in real time", stats.real_time);
-    row("frames have a time of presentation in the end", stats.locked);
+    row("network threads with real-time scheduling", stats.real_time);
+    row("frames have a time of presentation at the end", stats.locked);
     print_faults(cluster, &events, &faults, matches!(run, Run::DirectorKills { .. } | Run::OldDirector { .. }));
     if let Run::OldDirector { .. } = run {
         print_epochs(&events, &faults);
@@ -132,7 +134,7 @@ async fn steady(cluster: &Cluster, form: &Form, frames: u64, desktop: Option<&Ar
     Ok(Vec::new())
 }
 
-/// Reads all windows for a time while the camera turns, and prints figures of their frames.
+/// Reads all windows for a time while the camera turns, and prints figures about the frames that they showed.
 async fn read_windows(cluster: &Cluster, desktop: Arc<Desktop>, length: Duration) -> Outcome<()> {
     desktop.park_pointer([1500, 850]);
     let turning = tokio::spawn(stamps::turn(cluster.client("d0").await?, TURN_RAD_S, SWEEP_RAD));
@@ -145,8 +147,8 @@ async fn read_windows(cluster: &Cluster, desktop: Arc<Desktop>, length: Duration
     row("images of all windows per second", format!("{:.0}", samples.len() as f64 / length.as_secs_f64()));
     row("images with the star in every window", format!("{with_star} of {}", samples.len()));
     row("frames seen in all windows at once", verdict.frames);
-    row("changes of frame in which windows differed", verdict.transitions);
-    row("of these 5 ms or longer", verdict.longer_than(5.0));
+    row("changes of frame during which windows differed", verdict.transitions);
+    row("of these, changes that lasted 5 ms or longer", verdict.longer_than(5.0));
     row("duration of these changes, ms", Spread::of_ns(verdict.lasted_ms.iter().map(|ms| (ms * 1e6) as u64)));
     row("frames that only some windows showed", verdict.mixed);
     turning.abort();
@@ -157,7 +159,7 @@ async fn kills(cluster: &mut Cluster, random: &mut Random, count: u32, one_at_a_
     let mut faults = Vec::new();
     for _ in 0..count {
         tokio::time::sleep(random.seconds(0.5, 3.0)).await;
-        // Without this, a slow start of processes leaves no majority.
+        // Wait for enough nodes, because otherwise slow starts could leave fewer than a majority.
         let least = if one_at_a_time { cluster.nodes.len() } else { cluster.nodes.len() / 2 + 2 };
         let is_in = |node: &&proto::ClusterNodeStats| node.state == "in";
         cluster.until("d0", "with a spare node", |stats| stats.nodes.iter().filter(is_in).count() >= least).await?;
@@ -257,7 +259,7 @@ async fn old_directors(cluster: &mut Cluster, random: &mut Random, count: u32) -
     Ok(faults)
 }
 
-/// Prints the figures of logs that a run has kept.
+/// Prints the figures from the logs that a run has kept.
 pub fn report_logs(folder: &Path, form: &Form, skip_s: f64, frames: u64) -> Outcome<()> {
     let lives = processes::lives(folder)?;
     let events = Events::read(&lives)?;
@@ -276,15 +278,15 @@ fn print_faults(cluster: &Cluster, events: &Events, faults: &[Fault], are_of_dir
     let gaps = report::gaps(events, &cluster.lives);
     let longest = faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, EFFECT_NS));
     row(&format!("longest gap of the other nodes after each of {} faults, ms", faults.len()), Spread::of_ns(longest));
-    // A process that starts again competes with the others for the cores of this machine; in a theatre it has its own
-    // machine.
+    // Print the gaps before the restart separately: a process that starts again competes with the others for the cores
+    // of this machine, whereas in a theatre it has its own machine.
     let before =
         faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, fault.until_ns - fault.at_ns));
-    row("of these, gaps that began before the harmed process was started or resumed, ms", Spread::of_ns(before));
+    row("of these, gaps that began before the disturbed process was started or resumed, ms", Spread::of_ns(before));
     if faults.iter().all(|fault| fault.host.is_empty()) {
         return;
     }
-    // Recovery from the end of a director is complete when all nodes have shown a frame of the next one.
+    // Recovery from the end of a director is complete when all nodes have shown a frame of the next director.
     let back = faults.iter().map(|fault| {
         let next = |node: &str| {
             let after = if are_of_directors { fault.at_ns + 200_000_000 } else { fault.until_ns };
@@ -303,7 +305,7 @@ fn print_faults(cluster: &Cluster, events: &Events, faults: &[Fault], are_of_dir
         "from start or resumption to the node's next frame"
     };
     row(&format!("{what}, ms"), Spread::of_ns(back.iter().flatten().copied()));
-    row("faults after which a node shows no frame", back.iter().filter(|back| back.is_none()).count());
+    row("faults after which the node shows no more frames", back.iter().filter(|back| back.is_none()).count());
 }
 
 fn print_epochs(events: &Events, faults: &[Fault]) {
@@ -321,8 +323,8 @@ fn print_epochs(events: &Events, faults: &[Fault]) {
     row("frames of an old director committed or shown after it was resumed", late);
 }
 
-/// First one director leads all nodes. Then each director reaches half of them. Then the second one reaches all but
-/// two.
+/// Measures four parts. First one director leads all nodes. Then half of the nodes reach each director, then one node
+/// more reaches the second director. In the end, all nodes reach both directors.
 async fn partition(cluster: &mut Cluster, length: Duration) -> Outcome<()> {
     let half = cluster.nodes.len() / 2;
     let nodes = cluster.nodes.clone();
@@ -370,9 +372,9 @@ async fn partition(cluster: &mut Cluster, length: Duration) -> Outcome<()> {
             .collect();
         let texts = if texts.is_empty() { "none".to_owned() } else { texts.join("; ") };
         println!("| {name} | {:.1} | {texts} |", (until_ns - from_ns) as f64 * 1e-9 - 2.0);
-        row(&format!("{name}: epochs that alternate"), report::alternations(&settled.shown));
+        row(&format!("{name}: frames shown after one of a later epoch"), report::alternations(&settled.shown));
     }
-    row("whole run: epochs that alternate", report::alternations(&events.shown));
-    row("state of the directors in the end", format!("{}, {}", states[0].state, states[1].state));
+    row("whole run: frames shown after one of a later epoch", report::alternations(&events.shown));
+    row("state of the directors at the end", format!("{}, {}", states[0].state, states[1].state));
     Ok(())
 }

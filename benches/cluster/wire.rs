@@ -1,5 +1,5 @@
-//! The wire alone: processes of this benchmark that run the lock over the network, and draw nothing. READY follows STATE at once, so the figures are
-//! those of messages, network and scheduling.
+//! Measures the network traffic alone: processes of this benchmark run the lock over the network, and draw nothing. READY follows STATE at once, so
+//! the figures show only the times of messages, network and scheduling.
 
 use std::{
     error::Error,
@@ -51,7 +51,7 @@ pub struct Options {
     /// Number of frames to request.
     #[arg(long, default_value_t = 20_000)]
     frames: u64,
-    /// Real-time scheduling for all threads (`chrt`). Needs `ulimit -r 10`.
+    /// Use real-time scheduling for all threads (`chrt`). Needs `ulimit -r 10`.
     #[arg(long)]
     real_time: bool,
 }
@@ -59,7 +59,7 @@ pub struct Options {
 /// A process of a run.
 #[derive(Args, Clone, Debug)]
 pub struct Place {
-    /// Number of the node; without it: the director.
+    /// Number of the node. Default: the process is the director.
     #[arg(long)]
     node: Option<u16>,
     /// Endpoint of the director.
@@ -79,12 +79,12 @@ pub struct Place {
     clock: bool,
 }
 
-/// A process that is ended when it is no longer needed.
+/// A process that is killed on drop.
 struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -155,12 +155,12 @@ fn wait(process: &mut Running, longest: Duration, name: &str) -> Outcome<()> {
     Err(format!("{name} does not end").into())
 }
 
-/// The lock's view of this process and its clock.
+/// Returns the time of this process, with its clock, as the lock expects it.
 struct Station {
     wire: Box<dyn Wire>,
     heard: Receiver<Heard>,
     has_clock: bool,
-    /// Lines with the format of a daemon's log of frames.
+    /// Log of frames, in the format of a daemon's log.
     events: String,
 }
 
@@ -199,7 +199,7 @@ impl Station {
 
     fn note(&mut self, what: &str, FrameId { epoch, number }: FrameId, rest: &str) {
         let at_ns = now_ns();
-        // Writing into a text does not fail.
+        // Writing to a string cannot fail.
         let _ =
             writeln!(self.events, "wire TRACE {what} {}.{:016x} {number} at {at_ns}{rest}", epoch.counter, epoch.run);
     }
@@ -237,7 +237,7 @@ pub fn take_part(form: &Form, place: &Place) -> Outcome<()> {
     Ok(())
 }
 
-/// Runs the director: requests a number of frames after it has begun to run.
+/// Runs the director, which requests a number of frames once it is running.
 fn lead(station: &mut Station, lock: &mut Director, frames: u64) -> Outcome<()> {
     let cue = Cue::new(&[7; CUE_BYTES])?;
     let mut asked = 0;
@@ -286,7 +286,7 @@ fn lead(station: &mut Station, lock: &mut Director, frames: u64) -> Outcome<()> 
     Ok(())
 }
 
-/// Runs a node until it has lost its director.
+/// Runs a node until it has been without a director for [`WITHOUT_DIRECTOR_NS`].
 fn follow(station: &mut Station, lock: &mut Node) -> Outcome<()> {
     let report = Report([7; REPORT_BYTES].as_slice().into());
     let mut has_work = false;
@@ -314,7 +314,7 @@ fn follow(station: &mut Station, lock: &mut Node) -> Outcome<()> {
                     has_work = true;
                 }
                 node::Action::Show { id } => station.note("shown", id, ""),
-                // The process does not run again, and it draws nothing.
+                // The process is never restarted, and it draws nothing.
                 node::Action::Remember(_) | node::Action::Discard { .. } | node::Action::Black => {}
             }
         }

@@ -11,7 +11,7 @@ use std::{
 /// Path of the shader folder, relative to the folder of this crate.
 const SHADERS: &str = "../../shaders";
 
-/// Paths of the WGSL files in a folder and its subfolders, relative to `shaders`, with slashes and without extension.
+/// Returns the paths of the WGSL files in a folder and its subfolders, relative to `shaders`, with slashes and without extension.
 fn shader_stems(folder: &Path, prefix: &str) -> Result<Vec<String>, Box<dyn Error>> {
     let mut stems = Vec::new();
     for entry in fs::read_dir(folder)? {

@@ -1,10 +1,10 @@
-"""Measures the age of pictures at slow readers, and the frame rate.
+"""Measures the age of pictures that slow readers get, and the frame rate.
 
     python frame_ages.py --connect 127.0.0.1:7143 --view ahead
 
-The camera turns meanwhile, with 20 poses per second for the ages and 200 for the rates. The age of a picture is the
-time from the arrival of its pose at the daemon to the moment when the reader has it; daemon and reader must share a
-clock. Prints tables in Markdown, and restores the camera.
+During the measurement, the camera turns with 20 poses per second for the ages and 200 for the rates. The age of a
+picture is the time from the arrival of its pose at the daemon to the moment when the reader has it; daemon and reader
+must share a clock. Prints tables in Markdown, and restores the camera.
 """
 
 from __future__ import annotations

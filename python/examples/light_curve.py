@@ -2,10 +2,11 @@
 
     python light_curve.py --connect 127.0.0.1:7143 --view star-tracker --csv light_curve.csv --plot light_curve.png
 
-An ellipsoid spins in sunlight. For each time of one turn the daemon draws it, and the light in the picture is added up:
-the sum of luminance times solid angle over all pixels is the illuminance at the camera. The table also has the
-closed form of theory. Scene, camera and view of the daemon are restored afterwards; other clients see the asteroid
-in the meantime. The file is in cells (`# %%`), which editors with notebooks run one by one.
+An ellipsoid spins in sunlight. The daemon draws it at several times during one rotation, and the light in each picture
+is added up: the sum of luminance times solid angle over all pixels is the illuminance at the camera. The table also
+contains the theoretical light in closed form. Scene, camera and view of the daemon are restored afterwards; other
+clients see the asteroid in the meantime. The file is divided into cells (`# %%`), which editors that support notebooks
+run one by one.
 """
 
 # %% [markdown]
@@ -67,7 +68,7 @@ class Asteroid:
         return np.array([self.sun_distance_m, 0.0, 0.0])
 
     def illuminance_lx(self) -> float:
-        """Returns the illuminance by sunlight at its place, perpendicular to the rays."""
+        """Returns the illuminance by sunlight at its centre, on a surface perpendicular to the rays, lx."""
         return float(np.pi * SUN_LUMINANCE_CD_M2 * (SUN_RADIUS_M / self.sun_distance_m) ** 2)
 
     def bodies(self) -> list[dict[str, object]]:
@@ -100,10 +101,11 @@ class Asteroid:
 
 # %%
 def theory_lx(asteroid: Asteroid, to_eye: Vector, distance_m: float, times: Sequence[datetime.datetime]) -> Vector:
-    """Returns the illuminance of an asteroid with the law of Lommel and Seeliger at a distant eye, lx, for each time.
+    """Returns the illuminance that an asteroid with the law of Lommel and Seeliger causes at a distant eye, lx, for
+    each time.
 
     Args:
-        to_eye: (3,), unit vector from it to the eye, ICRS axes.
+        to_eye: (3,), unit vector from the asteroid to the eye, ICRS axes.
         distance_m: distance of the eye, m.
     """
     if asteroid.law != "lommel_seeliger":
@@ -119,7 +121,7 @@ def theory_lx(asteroid: Asteroid, to_eye: Vector, distance_m: float, times: Sequ
     phase = np.arccos(cos_phase)
     x = np.arccos(np.clip((sun_length + eye_length * cos_phase) / both, -1.0, 1.0))
     y = phase - x
-    # 0 at full phase, at which the logarithm is infinite.
+    # Use 0 at full phase, because the logarithm is infinite there.
     with np.errstate(divide="ignore", invalid="ignore"):
         product = np.sin(x) * np.sin(y) * -np.log(np.tan(x / 2) * np.tan(y / 2))
     term = np.cos(x) + np.cos(y) - np.where(np.minimum(x, y) > 0, product, 0.0)
@@ -165,11 +167,11 @@ def prepared(client: steradian.Client, view: str, asteroid: Asteroid) -> Iterato
 
 
 def aim(client: steradian.Client, view: str, asteroid: Asteroid, phase_rad: float) -> tuple[Vector, float]:
-    """Places the camera so that the asteroid is in the middle of the view, at a phase angle; gives the direction to the
-    camera, and its distance, m."""
+    """Places the camera so that the asteroid is in the middle of the view, at a phase angle. Returns the direction to
+    the camera, and its distance, m."""
     images = client.view(view).images
     if len(images) != 1 or images[0].orientation is None:
-        raise ValueError(f"the light curve needs a view of one image, and {view} has {len(images)}")
+        raise ValueError(f"the light curve needs a view with one image, but {view} has {len(images)}")
     projection = images[0].projection
     half_rad = np.arctan(projection.up_tan) if projection.mapping == "perspective" else projection.fov_rad / 2
     # Theory assumes parallel rays: its error is of the order of size over distance, here 0.2 %.
@@ -190,7 +192,7 @@ def measured_lx(
 
 
 def turn_of(asteroid: Asteroid, steps: int) -> list[datetime.datetime]:
-    """Returns times of one turn, including its start and its end."""
+    """Returns times during one rotation, including its start and its end."""
     begin = datetime.datetime(2026, 1, 1, tzinfo=datetime.timezone.utc)
     return [begin + datetime.timedelta(seconds=asteroid.period_s * step / steps) for step in range(steps + 1)]
 
@@ -202,7 +204,7 @@ def turn_of(asteroid: Asteroid, steps: int) -> list[datetime.datetime]:
 # %%
 @dataclass(frozen=True)
 class LightCurve:
-    """Times, and the light at each of them, lx: measured in the pictures, and by theory."""
+    """Times, and the light at each of them, lx: as measured in the pictures, and as computed by theory."""
 
     times: list[datetime.datetime]
     measured_lx: Vector
@@ -232,7 +234,7 @@ def write_csv(file: str, curve: LightCurve) -> None:
 
 
 def plot(file: str, curve: LightCurve, title: str) -> None:
-    """Plots both curves, and their difference below."""
+    """Plots both curves, with their difference below."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -260,15 +262,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the program."""
     parser = argparse.ArgumentParser(description="Measures the light curve of a spinning asteroid.")
     parser.add_argument("--connect", default="127.0.0.1:7143", help="address of the daemon")
-    parser.add_argument("--view", required=True, help="a view of one image; narrow ones show the asteroid larger")
+    parser.add_argument("--view", required=True, help="a view with one image; a narrow view shows the asteroid larger")
     parser.add_argument("--phase-deg", type=float, default=40.0, help="angle between Sun and camera, 0 to 120")
-    parser.add_argument("--steps", type=int, default=72, help="number of times in a turn")
+    parser.add_argument("--steps", type=int, default=72, help="number of times during one rotation")
     parser.add_argument("--csv", required=True, help="file for the table")
     parser.add_argument("--plot", help="file for the picture")
     given = parser.parse_args(arguments)
     if not 0 <= given.phase_deg <= 120 or given.steps < 1:
         parser.error("--phase-deg must be between 0 and 120, and --steps at least 1")
-    # Check before the measurement, not after it.
+    # Check this before the measurement, which takes long.
     if given.plot and importlib.util.find_spec("matplotlib") is None:
         parser.error("--plot needs matplotlib, which is not installed (Debian: python3-matplotlib)")
     asteroid = Asteroid()

@@ -16,7 +16,7 @@ import steradian
 # Far longer than any test takes: tests wait for events, and never assert durations.
 PATIENCE_S = 120.0
 
-# One star, without glare: all light in a picture is the star's.
+# One star, without glare: all light in a picture comes from the star.
 STAR_RA_DEG, STAR_DEC_DEG, STAR_MAGNITUDE = 30.0, 10.0, 2.0
 CONFIGURATION = """
 [scene]

@@ -1,5 +1,5 @@
-"""The package's page is correct: its programs and the commands of its examples run unchanged, one after the
-other, on the daemon that it starts."""
+"""Tests the package's page: its programs and the commands of its examples must run unchanged, one after the other, on
+the daemon that the page starts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def blocks(kind: str, text: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def documented(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """Starts the daemon of the page on a free port."""
+    """Starts the daemon that the page describes, on a free port."""
     configuration = (REPOSITORY / "configs/mission-control.toml").read_text()
     daemon = Daemon(tmp_path_factory.mktemp("documented"), configuration)
     yield daemon

@@ -1,4 +1,4 @@
-"""The example that measures ages and rates: it prints its tables and restores the camera. No times are
+"""Tests the example that measures ages and rates: it must print its tables and restore the camera. No times are
 asserted."""
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def test_the_sum_of_a_stars_light_is_its_illuminance(client: steradian.Client) -
     assert pixels.shape == (120, 160, 3) and pixels.dtype == np.float32
     light_lx = np.sum(steradian.luminance(pixels) * solid_angles(flat(client)))
     assert light_lx == pytest.approx(STAR_LX, rel=1e-4)
-    # Twice the solid angle must fail.
+    # The comparison must fail with doubled solid angles.
     assert np.sum(steradian.luminance(pixels) * 2 * solid_angles(flat(client))) != pytest.approx(STAR_LX, rel=0.5)
 
 

@@ -1,5 +1,5 @@
-"""The example of the light curve: its theory against a sum over the surface, its measurement against both, and its
-program."""
+"""Tests the example of the light curve: compares its theory with a sum over the surface, and its measurement with both,
+and runs its program."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_the_light_in_the_pictures_matches_theory(client: steradian.Client, view
     # The error of theory is 0.2 % times a factor of order 1.
     assert curve.largest_error() < 4e-3
     assert curve.measured_lx.max() > 1.3 * curve.measured_lx.min()
-    # Theory for another body must fail.
+    # The comparison must fail with the theory for another body.
     other = theory_lx(Asteroid(radii_m=(9e3, 9e3, 6e3)), np.array([-1.0, 0.0, 0.0]), 1e6, curve.times)
     assert np.max(np.abs(curve.measured_lx / other - 1)) > 0.1
     after = client.scene()

@@ -1,5 +1,5 @@
-"""Pull loops: their frames, their order, and their end. Frames are identified by their numbers and revisions;
-nothing is asserted of times."""
+"""Pull loops: their frames, their order, and their end. Frames are identified by their numbers and revisions; no times
+are asserted."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_slow_reader_gets_the_newest_frame_and_the_number_of_skipped_ones(clie
             revision = turn(client, 0.01 * step)
             # Render a frame after each turn: in a stream, these frames would wait in the buffers.
             client.render("flat")
-        # A frame in transit may be older. One that is requested after the last turn cannot be.
+        # A frame in transit may be older, but not a frame that is requested after the last turn.
         come = frames.received
         until(lambda: frames.received >= come + 2, "frames of a camera at rest")
         shown = frames.next(PATIENCE_S)
@@ -62,7 +62,7 @@ def test_the_daemon_answers_with_the_newest_frame_beyond_a_number(client: sterad
         client.render("flat")
     second = next_frame(first.frame_number)
     assert second.frame_number > first.frame_number and second.camera_revision == revision
-    # Beyond the newest number, as after a restart.
+    # Request a frame after a number beyond the newest one, as after a restart.
     assert next_frame(second.frame_number + 1000).frame_number >= second.frame_number
 
 

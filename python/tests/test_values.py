@@ -1,4 +1,4 @@
-"""Values without a daemon: messages, EXR files, rotations, addresses, and transmitted metadata."""
+"""Tests of values that need no daemon: messages, EXR files, rotations, addresses, and transmitted metadata."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_values_that_do_not_fit_are_refused(
 
 
 def run_lengths(plain: bytes) -> bytes:
-    """Writes runs of three bytes and more as counts, and everything else as it is."""
+    """Writes runs of at least three bytes as counts, and everything else unchanged."""
     out, at, literal = b"", 0, b""
     while at < len(plain):
         run = 1
@@ -196,7 +196,7 @@ def _get_camera(request: bytes, context: Any) -> bytes:
 
 @pytest.fixture
 def server() -> Iterator[Any]:
-    """A server of gRPC without ports."""
+    """A gRPC server that does not listen on a port yet."""
     methods = {"GetCamera": grpc.unary_unary_rpc_method_handler(_get_camera)}
     handler = grpc.method_handlers_generic_handler("steradian.v1.CameraService", methods)
     made = grpc.server(futures.ThreadPoolExecutor(2), handlers=[handler])
@@ -216,7 +216,7 @@ def test_a_token_is_sent_with_every_call_over_tcp_and_sockets(server: Any, tmp_p
 
 def test_certificates_are_checked(server: Any, tmp_path: Path) -> None:
     if shutil.which("openssl") is None:
-        pytest.skip("openssl is not installed: it makes the certificates of this test")
+        pytest.skip("openssl, which makes the certificates of this test, is not installed")
     command = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 1 -subj /CN=localhost"
     for name in ["daemon", "other"]:
         files = ["-keyout", f"{name}.key", "-out", f"{name}.pem", "-addext", "subjectAltName=DNS:localhost"]

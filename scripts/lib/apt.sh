@@ -1,7 +1,7 @@
 # shellcheck shell=bash
 # Functions that install packages on Debian and its derivatives. Sourced, not run. Every change of the system is announced.
 
-# Exit code of a missing prerequisite: EX_UNAVAILABLE of sysexits.h.
+# Exit code if a prerequisite is missing: EX_UNAVAILABLE of sysexits.h.
 readonly EX_UNAVAILABLE=69
 
 say() { printf 'setup: %s\n' "$*" >&2; }
@@ -31,7 +31,7 @@ os_release() {
 as_root() {
     if [[ $EUID -eq 0 ]]; then
         "$@"
-    # Without a terminal no password can be typed: sudo must work without one, or fail at once.
+    # Without a terminal the user cannot type a password, so sudo must work without one, or fail at once.
     elif [[ -t 0 ]]; then
         sudo "$@"
     else
@@ -79,9 +79,9 @@ apt_install() {
     apt_get "${options[@]}" install "$@" >&2
 }
 
-# debian_source OWN SUITE: prints a deb822 source for another suite of Debian's archive, with the address and key of the
-# machine's source for the suite OWN (an extended regular expression: 'bookworm', 'trixie|stable'). Other archives use the
-# same suite names: Debian's has 'debian' in its address and a component 'main', and is not the security archive.
+# debian_source OWN SUITE: prints a deb822 source for another suite of Debian's archive, with the address and key of the machine's source for the
+# suite OWN (an extended regular expression: 'bookworm', 'trixie|stable'). Other archives use the same suite names, so a source counts as Debian's
+# archive only if its address contains 'debian', it has a component 'main', and it is not the security archive.
 debian_source() {
     local own=$1 suite=$2 file found
     for file in /etc/apt/sources.list.d/*.sources; do
@@ -108,7 +108,7 @@ debian_source() {
     done
     for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.list; do
         if [[ ! -f $file ]]; then continue; fi
-        # One line: deb [options] URI suite components.
+        # The format of a line is: deb [options] URI suite components.
         found=$(sed -nE "s/^deb[[:space:]]+(\[([^]]*)\][[:space:]]+)?([^[:space:]]*debian[^[:space:]]*)[[:space:]]+($own)[[:space:]](.*[[:space:]])?main([[:space:]].*)?\$/\3 \2/p" "$file" |
             grep -v '^[^ ]*debian-security' | head -n 1) || continue
         if [[ -n $found ]]; then

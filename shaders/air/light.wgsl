@@ -1,6 +1,6 @@
-// Adds ground and air around an observer to the bodies and asteroids that the pixels of a tile show: the air attenuates
-// their light and adds scattered light, and the ground covers everything below the horizon. The model is that of
-// crates/sky/src/photometry/sky_light.rs and crates/render/src/scene/surroundings.rs; the f64 twin is crates/render/src/reference/air/light.rs.
+// Adds ground and air around an observer to the bodies and asteroids that the pixels of a tile show. The air attenuates their light and adds
+// scattered light, and the ground covers everything below the horizon. The model is that of crates/sky/src/photometry/sky_light.rs and
+// crates/render/src/scene/surroundings.rs; the f64 twin is crates/render/src/reference/air/light.rs.
 
 #import air/scattered
 #import constants/air
@@ -68,7 +68,7 @@ fn landscape_level(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec4<f32> {
     return mix(upper, lower, part.y);
 }
 
-// Reflectance times opacity, and opacity, of the ground picture in a pixel of the given angular size.
+// Returns the reflectance times opacity, and opacity, of the ground picture in a pixel of the given angular size.
 fn landscape_at(sine: f32, heading: vec2<f32>, pixel_rad: f32) -> vec4<f32> {
     let azimuth = precise_atan2(heading.y, heading.x);
     let altitude = precise_atan2(sine, length(heading));
@@ -88,8 +88,7 @@ fn landscape_at(sine: f32, heading: vec2<f32>, pixel_rad: f32) -> vec4<f32> {
     return mix(fine, landscape_level(first + size.x * size.y, max(size / 2u, vec2(1u)), place), min(level, 1.0));
 }
 
-// Whether the grid cells around a run of a column's pixels are above both the ground and the altitude limit of the
-// grid.
+// Whether the grid cells around a run of pixels of one column are above both the ground and the altitude limit of the grid.
 fn is_clear(column: GridColumn, first_row: u32, rows: u32) -> bool {
     let grid = column.grid;
     let least = max(GRID_FROM, parameters.above_ground);
@@ -123,7 +122,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let is_steep = (flags & BLOCK_HAS_STEEP_AIR) != 0u;
-    // In most of a dome the grid is sufficient; only directions in which bodies show light need an air mass.
+    // In most of a dome the grid is sufficient. An air mass is needed only in directions in which bodies are visible.
     if FROM_GRID && !is_steep && is_clear(column, top.y, rows) {
         for (var row = 0u; row < rows; row++) {
             let pixel = top + vec2(0u, row);

@@ -1,13 +1,13 @@
-// Light added by the air: scattered light of its sources, and the light of the night sky. The importer binds `parameters`
-// and `sky`. `sky` holds the luminance of the night sky relative to the zenith by altitude, then the luminance per lx of
-// each source: nodes of the smooth part, then nodes of aerosol scattering (crates/sky/src/photometry/sky_light.rs).
+// Light added by the air: scattered light of its sources, and the light of the night sky. The importer binds `parameters` and `sky`. `sky` holds the
+// luminance of the night sky relative to the zenith, as a function of altitude. The luminance per lx of each source follows: nodes of the smooth
+// part, then nodes of aerosol scattering (crates/sky/src/photometry/sky_light.rs).
 
 #import constants/air
 #import shared/math
 #import structs/AirParameters
 #import structs/AirSource
 
-// Phase function of aerosol, per sr.
+// Returns the phase function of aerosol, per sr.
 fn aerosol_per_sr(cosine: f32) -> f32 {
     let g = AEROSOL_ASYMMETRY;
     let wide = 1.0 + g * g - 2.0 * g * cosine;
@@ -23,7 +23,8 @@ fn table_at(first: u32, place: vec2<f32>) -> vec3<f32> {
     return mix(near, mix(sky[node + SKY_AZIMUTHS].xyz, sky[node + SKY_AZIMUTHS + 1u].xyz, part.y), part.x);
 }
 
-// Light of a source scattered towards a direction, given its place among the altitudes (0 to 1) and heading (north, east).
+// Returns the light of a source scattered towards a direction. The direction is given by its position among the altitudes (0 to 1) and its heading
+// (north, east).
 fn scattered(number: u32, towards: vec3<f32>, altitude: f32, heading: vec2<f32>) -> vec3<f32> {
     let source = parameters.sources[number];
     let across = heading.x * source.heading.y - heading.y * source.heading.x;
@@ -35,14 +36,14 @@ fn scattered(number: u32, towards: vec3<f32>, altitude: f32, heading: vec2<f32>)
     return source.light * (table_at(first, place) + table_at(first + nodes, place) * aerosol_per_sr(cosine));
 }
 
-// Light of the night sky at a place among the altitudes.
+// Returns the light of the night sky at a position among the altitudes.
 fn night_sky(altitude: f32) -> vec3<f32> {
     let place = sqrt(clamp(altitude, 0.0, 1.0)) * f32(SKY_ALTITUDES - 1u);
     let low = min(u32(place), SKY_ALTITUDES - 2u);
     return parameters.glow * mix(sky[low].xyz, sky[low + 1u].xyz, place - f32(low));
 }
 
-// Light that the air adds in a unit direction, world axes, cd/m^2.
+// Returns the light that the air adds in a unit direction, world axes, cd/m^2.
 fn added_light(towards: vec3<f32>) -> vec3<f32> {
     let sine = dot(towards, parameters.zenith);
     let heading = vec2(-dot(towards, parameters.south), dot(towards, parameters.east));

@@ -1,5 +1,5 @@
-// Selects the form in which an asteroid is drawn, and tests whether a picture may show it:
-// crates/render/src/plan/asteroids/classes.rs and views.rs in f32.
+// Selects the form in which an asteroid is drawn, and tests whether a picture may show it. It does the same in f32 as
+// crates/render/src/plan/asteroids/classes.rs and views.rs.
 
 #import asteroids/instance
 #import asteroids/shape
@@ -20,7 +20,7 @@ struct Classes {
     before: u32,
 }
 
-// Position relative to the eye in view axes, from the position relative to the camera in world axes.
+// Returns the position relative to the eye in view axes, from the position relative to the camera in world axes.
 fn view_from_camera(view: AsteroidView, place: vec3<f32>) -> vec3<f32> {
     let eye = vec3(view.view_from_world_x.w, view.view_from_world_y.w, view.view_from_world_z.w);
     let relative = place - eye;
@@ -50,13 +50,13 @@ fn touches_face(face: u32, middle: vec3<f32>, radius: f32) -> bool {
     return reach >= abs(dot(middle, up)) && reach >= abs(dot(middle, cross(forward, up)));
 }
 
-// Position of a direction in the tables.
+// Returns the position of a direction in the tables.
 fn table_place(view: AsteroidView, middle: vec3<f32>, distance: f32) -> f32 {
     let along = select(-middle.z, middle.y, view.kind == VIEW_LONGITUDE);
     return sqrt(clamp(0.5 * (1.0 - along / distance), 0.0, 1.0));
 }
 
-// Smaller side of a pixel at a position in the table, rad.
+// Returns the angle of the shorter side of a pixel at a position in the table, rad.
 fn pixel_at(view: AsteroidView, place: f32) -> f32 {
     let x = place * f32(TABLE_STEPS);
     let i = min(u32(x), TABLE_STEPS - 1u);
@@ -69,8 +69,7 @@ fn bend_beside(view: AsteroidView, place: f32) -> f32 {
     return max(asteroid_tables[view.first_entry + i].y, asteroid_tables[view.first_entry + i + 1u].y);
 }
 
-// Whether the image of an asteroid's edges, `edge` mean radii long, departs from straight lines by more than half a
-// pixel.
+// Whether the images of an asteroid's edges, `edge` mean radii long, depart from straight lines by more than half a pixel.
 fn bends(view: AsteroidView, place: f32, edge: f32, bound: f32, radius: f32, distance: f32) -> bool {
     let size = bound * radius / distance;
     if size >= 0.5 {
@@ -81,13 +80,13 @@ fn bends(view: AsteroidView, place: f32, edge: f32, bound: f32, radius: f32, dis
     return edge_rad * edge_rad * 0.125 * bend * view.quality > 0.5;
 }
 
-// Distance at which impostors begin. `per_pixel`: quality divided by the angle of a pixel.
+// Returns the distance at which impostors begin. `per_pixel`: quality divided by the angle of a pixel.
 fn impostor_start(view: AsteroidView, bound: f32, per_pixel: f32) -> f32 {
     let disparity = sqrt(2.0 * view.impostor_eyes * bound * per_pixel);
     return max(max(disparity, view.impostor_linear * bound * per_pixel), bound * pow(per_pixel, view.impostor_exponent));
 }
 
-// Classes of an asteroid.
+// Returns the classes of an asteroid.
 fn classes_of(view: AsteroidView, shape: AsteroidShape, radius: f32, distance: f32, pixel: f32) -> Classes {
     var classes = Classes(0u, 1.0, CLASS_NONE);
     if view.finest_only != 0u {

@@ -1,8 +1,7 @@
-// Culling and level of detail: processes every asteroid of every group that may contain more than points, for all
-// planes at once. A workgroup takes a group and loops over the planes linked to it. The shader runs twice. The first
-// run counts the entries of the group per plane and kind of list. Then asteroids/cull_offsets.wgsl turns the counts
-// into offsets, and the second run writes the entries. Offsets follow from counts in the order of groups and asteroids,
-// so the lists are reproducible. The twin is crates/render/src/plan/asteroids/cpu_cull.rs.
+// Culls asteroids and selects their level of detail: processes every asteroid of every group that may contain more than points, for all planes at
+// once. A workgroup takes a group and loops over the planes linked to it. The shader runs twice. The first run counts the entries of the group per
+// plane and kind of list. Then asteroids/cull_offsets.wgsl turns the counts into offsets, and the second run writes the entries. Offsets follow from
+// counts in the order of groups and asteroids, so the lists are reproducible. The twin is crates/render/src/plan/asteroids/cpu_cull.rs.
 
 #import asteroids/class
 #import asteroids/instance
@@ -34,23 +33,21 @@ override WRITES: bool = false;
 const NOWHERE: u32 = 4294967295u;
 
 var<workgroup> local_counts: array<atomic<u32>, MAX_LOCAL>;
-// Result of the first eye for each asteroid: local kinds of its one or two lists, 16 bits each, and its share of the
-// first list.
+// Result for the first eye, for each asteroid: local kinds of its one or two lists, 16 bits each, and its share of the first list.
 var<workgroup> class_kinds: array<u32, GROUP>;
 var<workgroup> class_fades: array<f32, GROUP>;
-// The same for the current plane (NOWHERE: not drawn); number of entries per list; offset of its first entry in each
-// list.
+// The same for the current plane (NOWHERE: not drawn); number of the asteroid's entries in each list; offset of its first entry in each list.
 var<workgroup> local_kinds: array<u32, GROUP>;
 var<workgroup> local_fades: array<f32, GROUP>;
 var<workgroup> local_copies: array<u32, GROUP>;
 var<workgroup> local_places: array<vec2<u32>, GROUP>;
-// Whether the second eye sees different asteroids than the first.
+// Whether the two eyes see different asteroids.
 var<workgroup> differs: atomic<u32>;
 
 // Lists of one plane that contain an asteroid.
 struct ListMembership {
     seen: bool,
-    // Local kinds of its lists in 16 bits each, 65535 for none.
+    // Local kinds of its lists, 16 bits each; 65535: no list.
     kinds: u32,
     // Share of the first list; WHOLE if there is no second one.
     fade: f32,
@@ -67,8 +64,7 @@ fn kind_of(class_number: u32, shape: AsteroidShape, field: AsteroidField) -> u32
     return shape.first_kind + class_number - field.first_kind;
 }
 
-// Longest edge of the drawn shape, mean radii. The diagonal of an impostor's square does not count, since it is not
-// part of the outline.
+// Returns the longest edge of the drawn shape, mean radii. The diagonal of an impostor's square does not count, since it is not part of the outline.
 fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
     if class_number >= CLASS_IMPOSTOR {
         return 2.0 * shape.bound;
@@ -76,7 +72,7 @@ fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
     return asteroid_tables[shape.first_level + class_number].y;
 }
 
-// Centre of an asteroid relative to the eye, view axes.
+// Returns the centre of an asteroid relative to the eye, view axes.
 fn middle_of(index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView) -> vec3<f32> {
     let word = INSTANCE_WORDS * (item.first + index);
     let offset = bitcast<vec3<f32>>(vec3(instances[word], instances[word + 1u], instances[word + 2u]));
@@ -117,7 +113,7 @@ fn find_lists(
     }
     found.kinds = kind_of(classes.current, shape, field) | 0xffff0000u;
     if classes.before != CLASS_NONE {
-        // Never 0, since 0 has no sign.
+        // The value is never 0, since 0 has no sign.
         found.fade = max(classes.share, LEAST_SHARE);
         found.kinds = (found.kinds & 65535u) | (kind_of(classes.before, shape, field) << 16u);
     }
@@ -228,7 +224,7 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                     var slot = bases[link.plane * parameters.kinds + global_kind] + counts[column]
                         + select(local_places[i].x, local_places[i].y, side == 1u);
                     let fade = select(share, -share, side == 1u);
-                    // Entries that do not fit are dropped here; the counts reveal them, and the frame is an error.
+                    // Entries that do not fit are dropped here. The counts reveal this, and the frame fails with an error.
                     if slot < parameters.capacity {
                         entries[slot] = AsteroidEntry(item.first + i, item_index, fade);
                     }

@@ -1,5 +1,5 @@
-// Computes the start of every list and the arguments of its draw, in one workgroup. A list that would end beyond the
-// capacity is drawn empty; totals[0], the total length of all lists, reveals this.
+// Computes the start of every list and the arguments of its draw, in one workgroup. A list that would end beyond the capacity is drawn empty. This
+// can be seen from totals[0], the total length of all lists.
 
 #import asteroids/lists
 #import constants/asteroid_lists
@@ -9,14 +9,14 @@
 // Per mesh: number of indices, first index, first vertex.
 @group(0) @binding(2) var<storage, read> meshes: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> bases: array<u32>;
-// Five words per list. Impostors drawn as squares: the first four words are those of a non-indexed draw. Splatted
-// impostors: workgroups along x, y and z, number of entries, first entry.
+// Five words per list. For impostors drawn as squares, the first four words are those of a non-indexed draw. For splatted impostors, they are the
+// workgroups along x, y and z, the number of entries, and the first entry.
 @group(0) @binding(4) var<storage, read_write> arguments: array<u32>;
 
 const PLACE_THREADS: u32 = 64u;
 var<workgroup> sums: array<u32, PLACE_THREADS>;
 
-// Number of entries of a list. The last kind of a plane is only a count.
+// Returns the number of entries of a list. The last kind of a plane is only a count.
 fn entries_of(bucket: u32) -> u32 {
     return select(totals[1u + bucket], 0u, bucket % parameters.kinds == parameters.kinds - 1u);
 }
@@ -48,7 +48,7 @@ fn place_lists(@builtin(local_invocation_index) local: u32) {
         }
         arguments[5u * i] = first.x;
         arguments[5u * i + 1u] = drawn;
-        // Indexed draws: first index and first vertex. Other draws: first vertex and first instance, both 0.
+        // Indexed draws: first index and first vertex. Other draws: first vertex and first instance, which are 0.
         arguments[5u * i + 2u] = first.y;
         arguments[5u * i + 3u] = first.z;
         arguments[5u * i + 4u] = 0u;

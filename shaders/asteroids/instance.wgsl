@@ -11,24 +11,23 @@ fn world_from_field(field: AsteroidField, v: vec3<f32>) -> vec3<f32> {
         dot(field.world_from_field_x.xyz, v), dot(field.world_from_field_y.xyz, v), dot(field.world_from_field_z.xyz, v));
 }
 
-// Position of an instance minus camera, world axes, m. The large parts cancel first; then the rounding error of the
-// origin is added.
+// Returns the position of an instance minus camera, world axes, m. The large parts cancel first; then the rounding error of the origin is added.
 fn place_of(item: AsteroidItem, field: AsteroidField, offset: vec3<f32>) -> vec3<f32> {
     return (item.origin + world_from_field(field, offset)) + item.origin_low;
 }
 
-// Mean radius, m.
+// Returns the mean radius, m.
 fn radius_of(field: AsteroidField, radius_and_shape: u32) -> f32 {
     return f32(radius_and_shape & 65535u) * field.world_from_field_x.w;
 }
 
-// Index of the shape among the shapes of all fields.
+// Returns the index of the shape among the shapes of all fields.
 fn shape_of(field: AsteroidField, radius_and_shape: u32) -> u32 {
     return field.first_shape + min((radius_and_shape >> 16u) & 255u, field.shape_count - 1u);
 }
 
-// Spin axis in integers, of any length, from an octahedral pair. The sign of z selects the frame around the axis, so it
-// must not be rounded.
+// Returns the spin axis in integers, of any length, from an octahedral pair. The sign of z selects the frame around the axis, so it must not be
+// rounded.
 fn whole_axis(packed: u32) -> vec3<i32> {
     let pair = max(vec2(bitcast<i32>(packed << 16u), bitcast<i32>(packed)) >> vec2(16u), vec2(-AXIS_PARTS));
     let height = AXIS_PARTS - abs(pair.x) - abs(pair.y);
@@ -36,8 +35,8 @@ fn whole_axis(packed: u32) -> vec3<i32> {
     return vec3(select(pair, folded, height < 0), height);
 }
 
-// Rotation from a shape's axes to the field's: a rotation about +z, which is then mapped to the spin axis. The basis
-// around the axis is that of Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017.
+// Returns the rotation from a shape's axes to the field's: a rotation about +z, which is then mapped to the spin axis. The basis around the axis is
+// that of Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017.
 fn field_from_shape(field: AsteroidField, packed_axis: u32, spin: u32) -> mat3x3<f32> {
     let whole = whole_axis(packed_axis);
     let axis = normalize(vec3<f32>(whole));

@@ -1,8 +1,8 @@
 // Draws asteroids from the lists written by culling, onto a picture or a face of the cube behind it. Shared by meshes
 // and impostors: position, rotation and lighting of an asteroid, projection onto the target, and fading.
 //
-// Depth is near / distance, so greater is nearer. On flat pictures and faces, distance is measured along the axis, by
-// which hardware divides; on other pictures, from the eye.
+// Depth is near / distance, so greater is nearer. On flat pictures and faces, the distance is measured along the axis, because hardware divides by
+// it. On other pictures, it is measured from the eye.
 
 #import asteroids/instance
 #import asteroids/lists
@@ -45,8 +45,8 @@ struct Asteroid {
     fade: f32,
 }
 
-// Image position of the last loaded asteroid on an equirectangular picture, which keeps its vertices together:
-// longitude of its centre over 2 pi, and shift of its image, pixels.
+// Image position of the last loaded asteroid on an equirectangular picture. It keeps the asteroid's vertices together. It consists of the longitude
+// of the centre divided by 2 pi, and the shift of the image, pixels.
 var<private> seam_turn: f32;
 var<private> seam_shift: f32;
 
@@ -57,7 +57,7 @@ fn view_from_world(v: vec3<f32>) -> vec3<f32> {
         dot(asteroid_target.viewport.view_from_world_z.xyz, v));
 }
 
-// Entry of the draw's bucket.
+// Returns the entry of the draw's bucket.
 fn slot_of(instance_index: u32) -> u32 {
     return bases[asteroid_target.plane * asteroid_target.kinds + bucket.kind] + instance_index;
 }
@@ -89,7 +89,7 @@ fn load_asteroid(slot: u32) -> Asteroid {
     return asteroid;
 }
 
-// Pixel coordinates of a position relative to the eye, view axes, m; z = 0 if it has no image.
+// Returns the pixel coordinates of a position relative to the eye, view axes, m; z = 0 if it has no image.
 fn pixel_of(place: vec3<f32>) -> vec3<f32> {
     let viewport = asteroid_target.viewport;
     var image = pixel_from_direction(viewport, place);
@@ -105,7 +105,7 @@ fn depth_of_place(place: vec3<f32>) -> f32 {
     return asteroid_target.near / select(length(place), -place.z, on_plane);
 }
 
-// Clip coordinates of a position relative to the eye, view axes, m.
+// Returns the clip coordinates of a position relative to the eye, view axes, m.
 fn clip_from_view(place: vec3<f32>) -> vec4<f32> {
     let viewport = asteroid_target.viewport;
     let size = vec2(f32(viewport.size.x), f32(asteroid_target.rows));
@@ -118,15 +118,15 @@ fn clip_from_view(place: vec3<f32>) -> vec4<f32> {
     }
     let image = pixel_of(place);
     if image.z == 0.0 {
-        // No image: beyond the far plane, where everything is clipped.
+        // If there is no image, the position is beyond the far plane, where everything is clipped.
         return vec4(0.0, 0.0, -1.0, 1.0);
     }
     let ndc = 2.0 * (image.xy - vec2(0.0, row)) / size - 1.0;
     return vec4(ndc.x, -ndc.y, depth_of_place(place), 1.0);
 }
 
-// Whether a fading asteroid omits a sample at the target position `pixel`. Fade of at least 1: omits none; w: draws a
-// share w; -w: omits that share. The ordered pattern of 8 x 8 samples is fixed on the target.
+// Whether a fading asteroid omits a sample at the target position `pixel`. A fade of at least 1 omits no samples, w draws the share w of the samples,
+// and -w omits that share. The ordered pattern of 8 x 8 samples is fixed on the target.
 fn faded(fade: f32, pixel: vec2<u32>) -> bool {
     if fade >= 1.0 {
         return false;

@@ -1,4 +1,4 @@
-// The lists of asteroids that culling makes and the drawing passes read.
+// The lists of asteroids that culling writes and the drawing passes read.
 
 #import structs/AsteroidCullParameters
 #import structs/AsteroidEntry

@@ -1,4 +1,4 @@
-// Lights asteroid meshes by the strongest sun. Colour: luminance in units of the target, alpha 1.
+// Lights asteroid meshes with the strongest sun. Colour: luminance in units of the target, alpha 1.
 
 #import asteroids/listed
 #import asteroids/mesh_corner

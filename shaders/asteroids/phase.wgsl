@@ -8,7 +8,7 @@
 #import shared/math
 #import shared/reflection
 
-// Light of a sphere at a phase angle, relative to full phase.
+// Returns the light of a sphere at a phase angle, relative to full phase.
 fn phase_function(law: u32, phase: f32) -> f32 {
     let d = max(PI - phase, 0.0);
     if law == LAW_LAMBERT {
@@ -23,7 +23,7 @@ fn phase_function(law: u32, phase: f32) -> f32 {
     }
     let cosine = precise_cos(x);
     let sine = precise_sin(x);
-    // tan(x / 2). At full phase the logarithm diverges, but its factor vanishes faster.
+    // This is tan(x / 2). At full phase the logarithm diverges, but its factor vanishes faster.
     let half_tangent = sine / (1.0 + cosine);
     if half_tangent >= 0.999999 {
         return 1.0;
@@ -31,7 +31,7 @@ fn phase_function(law: u32, phase: f32) -> f32 {
     return 1.0 - cosine * cosine / sine * log((1.0 + half_tangent) / (1.0 - half_tangent));
 }
 
-// Projected area of a shape towards a direction in its axes (unit vector), in units of pi mean radii squared.
+// Returns the projected area of a shape towards a direction in its axes (unit vector), in units of pi mean radii squared.
 fn area_towards(shape: AsteroidShape, direction: vec3<f32>) -> f32 {
     let flat = direction.xy / (abs(direction.x) + abs(direction.y) + abs(direction.z));
     let folded = (1.0 - abs(flat.yx)) * select(vec2(-1.0), vec2(1.0), flat >= vec2(0.0));

@@ -24,7 +24,7 @@ fn asteroid_shape(index: u32) -> AsteroidShape {
         u32(kinds.x), u32(kinds.y), bound_and_level.x, u32(bound_and_level.y), u32(asteroid_tables[first + 2u].x));
 }
 
-// Bound of a shape, mean radii.
+// Returns the bound of a shape, mean radii.
 fn bound_of_shape(index: u32) -> f32 {
     return asteroid_tables[FIRST_SHAPE + 3u * index + 1u].x;
 }

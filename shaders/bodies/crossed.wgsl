@@ -1,8 +1,8 @@
-// Pixels in which the limb of a body crosses another body, or in which a body is in front of a steep corona. `rays.wgsl` marks them by the
-// sign of their first word. There the covered area is not a product of shares: in an eclipse one disc is inside the other.
+// Draws the pixels in which the limb of a body crosses another body, or in which a body is in front of a steep corona. `rays.wgsl` marks them by the
+// sign of their first word. In these pixels the covered area is not a product of shares: in an eclipse one disc is inside the other.
 //
-// The geometry pass and this one are separate shaders, because drivers compile both in half of the time of one. The f64 twin is
-// crates/render/src/reference/bodies/mod.rs.
+// The geometry pass and this pass are separate shaders, because drivers compile the two in half the time that a single one would take. The f64 twin
+// is crates/render/src/reference/bodies/mod.rs.
 
 #import bodies/pixel_rays
 #import bodies/surface
@@ -29,7 +29,7 @@
 // Parts along a side of a pixel.
 const CROSSED_PARTS: u32 = 12u;
 
-// Light and coverage of a pixel that several bodies partly cover: each part of the pixel shows the nearest body.
+// Returns the light and coverage of a pixel that several bodies partly cover: each part of the pixel shows the nearest body.
 fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec4<f32> {
     var sum = vec4(0.0);
     for (var i = 0u; i < CROSSED_PARTS * CROSSED_PARTS; i++) {

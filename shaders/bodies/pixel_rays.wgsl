@@ -8,11 +8,10 @@
 #import shared/projection
 #import shared/viewport
 
-// Whether the eye of the picture is on a viewing circle. Without the code for it, shaders of bodies compile in half of the time.
+// Whether the eye of the picture is on a viewing circle. Without the code for this case, the shaders of bodies compile in half the time.
 override HAS_CIRCLE: bool = false;
 
-// Body as seen by the eye that looks along a ray. One eye is used for the whole pixel, so that limbs are as smooth as
-// elsewhere.
+// Returns the body as seen by the eye that looks along a ray. One eye is used for the whole pixel, so that limbs are as smooth as elsewhere.
 fn body_for(viewport: Viewport, number: u32, ray: vec3<f32>) -> ViewBody {
     if HAS_CIRCLE {
         return seen_from(view_bodies[number], eye_on_circle(viewport, normalize(ray)));
@@ -20,7 +19,7 @@ fn body_for(viewport: Viewport, number: u32, ray: vec3<f32>) -> ViewBody {
     return view_bodies[number];
 }
 
-// Direction of a point of the picture; outside a round picture, `otherwise`.
+// Returns the direction of a point of the picture; outside a round picture, `otherwise`.
 fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f32> {
     if viewport.kind <= KIND_CUBE_FACE {
         return vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0);
@@ -29,7 +28,7 @@ fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f3
     return select(otherwise, direction.xyz, direction.w > 0.0);
 }
 
-// Half the diagonal of a pixel in units of the ray through its centre, plus a third for pixels that are not square.
+// Returns half the diagonal of a pixel in units of the ray through its centre, enlarged by a third for pixels that are not square.
 fn extent_of(viewport: Viewport, corner: vec2<f32>, ray: vec3<f32>) -> f32 {
     var diagonal = 0.0;
     for (var i = 0; i < turns(viewport, 2); i++) {
@@ -38,7 +37,7 @@ fn extent_of(viewport: Viewport, corner: vec2<f32>, ray: vec3<f32>) -> f32 {
     return 1.35 * diagonal;
 }
 
-// Luminance of a corona relative to the disc's mean, at a distance from the sun's centre in radii: see
+// Returns the luminance of a corona relative to the disc's mean, at a distance from the sun's centre in radii: see
 // crates/sky/src/photometry/corona.rs.
 fn corona_over_disc(s: f32) -> f32 {
     if s < 1.0 || s >= CORONA_OUTER {

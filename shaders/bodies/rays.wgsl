@@ -1,9 +1,9 @@
 // The geometry pass: light and coverage of bodies and asteroids in each pixel of a tile.
 //
-// Bodies are ellipsoids, intersected by one ray per pixel in every projection. If the limb crosses a pixel, the pixel is
-// divided into parts, each weighted by the area that a straight limb covers. Asteroids come from layers of samples that
-// were drawn before: a layer of the picture itself, or layers of cube faces if the projection bends straight edges. In
-// pixels with asteroids, each sample shows the nearest object. The f64 twin is crates/render/src/reference/bodies/mod.rs.
+// Bodies are ellipsoids, intersected by one ray per pixel in every projection. If the limb crosses a pixel, the pixel is divided into parts, each
+// weighted by the area that a straight limb covers. Asteroids come from layers of samples that were drawn earlier: a layer of the picture itself, or
+// layers of cube faces if the projection bends straight edges. In pixels with asteroids, each sample shows the nearest object. The f64 twin is
+// crates/render/src/reference/bodies/mod.rs.
 
 #import bodies/pixel_rays
 #import bodies/surface
@@ -51,14 +51,14 @@ override HAS_LAYERS: bool = false;
 // Minimum and maximum number of parts along a side of a pixel on the limb.
 const LEAST_LIMB_PARTS: f32 = 4.0;
 const MOST_LIMB_PARTS: f32 = 12.0;
-// Half the diagonal of a part, in semi-axes, up to which one ray through its centre is sufficient.
+// Largest half diagonal of a part, in semi-axes, for which one ray through its centre is sufficient.
 const SMALL_PART: f32 = 0.05;
-// Width of the parts of a corona pixel, relative to the distance from the sun's centre. With it, the steepest part of
-// the light is accurate to 2 %.
+// Width of the parts of a corona pixel, relative to the distance from the sun's centre. With this width, the steepest part of the light is accurate
+// to 2 %.
 const CORONA_STEP: f32 = 0.04;
-// Distance from the sun's centre, in its radii, up to which the corona is so steep that its light behind a limb is not that of its mean, and
-// size of a pixel, relative to the distance, from which on this is so farther out. The pixel is then divided into parts of one ray
-// each, which would miss most of a thin crescent.
+// Two limits for a corona that is too steep: behind a limb, its light differs from its mean over the pixel. The first is the distance from the sun's
+// centre, in its radii, up to which this is always so. The second is the size of a pixel, relative to this distance, from which on this is also so
+// farther out. The pixel is then divided into parts of one ray each, which would miss most of a thin crescent.
 const STEEP_CORONA: f32 = 4.0;
 const COARSE_CORONA: f32 = 0.25;
 // Maximum number of these parts along a side.
@@ -67,10 +67,10 @@ const MOST_CORONA_PARTS: f32 = 24.0;
 const MOST_HITS: u32 = 4u;
 // Distance from the limb, in half diagonals of a pixel, within which a body is sampled more finely.
 const STEEP_REACHES: f32 = 6.0;
-// Size of the parts of a pixel in which rings are computed, equatorial radii, and their greatest number along each side.
+// Size of the parts of a pixel in which rings are computed, equatorial radii, and greatest number of these parts along each side.
 const RING_PART: f32 = 0.3;
 const MOST_RING_PARTS: f32 = 8.0;
-// Number of these parts along each side at the limb of the globe, at least.
+// Minimum number of these parts along each side at the limb of the globe.
 const LEAST_RING_PARTS_AT_LIMB: f32 = 4.0;
 
 // Contribution of a body to a pixel: luminance times coverage, and coverage.
@@ -84,7 +84,7 @@ struct Contribution {
     before_globe: f32,
 }
 
-// Contribution of a body to a pixel. `extent`: half the diagonal of the pixel in units of the ray.
+// Returns the contribution of a body to a pixel. `extent`: half the diagonal of the pixel in units of the ray.
 fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> Contribution {
     var contribution: Contribution;
     let middle = passage_of(body, ray);
@@ -101,7 +101,7 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
     let steep = middle.s >= 1.0 - STEEP_REACHES * reach;
     let parts = u32(clamp(ceil(reach / SMALL_PART), select(select(1.0, 2.0, steep), LEAST_LIMB_PARTS, contribution.limb), MOST_LIMB_PARTS));
     let step = 1.0 / f32(parts);
-    // The centre of a part and the middles of its sides: right, left, bottom, top. A whole pixel needs its own ray only.
+    // The centre of a part and the middles of its sides: right, left, bottom, top. A whole pixel needs only its own ray.
     var places = array<vec2<f32>, 5>(vec2(0.0), vec2(0.5, 0.0), vec2(-0.5, 0.0), vec2(0.0, 0.5), vec2(0.0, -0.5));
     let ray_count = select(5u, 0u, parts == 1u);
     var whole = 0.0;
@@ -110,7 +110,7 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
         let position = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
         var own = ray;
         var passage = middle;
-        // Differences between the sides: of rays, and of the distance from the body's centre.
+        // Differences between opposite sides: of the rays, and of the distance from the body's centre.
         var across = array<vec3<f32>, 2>();
         var slopes = vec2(0.0);
         for (var k = 0u; k < ray_count; k++) {
@@ -138,13 +138,13 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
         }
     }
     contribution.light /= whole;
-    // At most 1, and exactly 1 if the whole pixel is covered: on some GPUs x / x is not.
+    // The value is at most 1, and exactly 1 if the whole pixel is covered: on some GPUs x / x is not exactly 1.
     contribution.coverage = select(min(contribution.coverage / whole, 1.0), 1.0, is_covered);
     return contribution;
 }
 
-// Intersection of a ray with a body's equatorial plane: xy in equatorial radii, distance from the eye in m, and whether
-// it is in front of the eye.
+// Returns the intersection of a ray with a body's equatorial plane: xy in equatorial radii, distance from the eye in m, and whether it is in front of
+// the eye.
 fn on_equator(body: ViewBody, ray: vec3<f32>) -> vec4<f32> {
     let passage = passage_of(body, ray);
     let parts = -passage.beside.z / passage.along.z;
@@ -153,8 +153,8 @@ fn on_equator(body: ViewBody, ray: vec3<f32>) -> vec4<f32> {
     return vec4(place.xy, body.distance_m * (1.0 + parts) * length(passage.ray), select(0.0, 1.0, ahead));
 }
 
-// Reflected light and coverage of rings around a place in their plane, blurred over `half` along the radius; without the
-// luminance of the rings. `mu`: cosines of the directions to the eye and to the sun with the pole.
+// Returns the reflected light and coverage of rings around a place in their plane, blurred over `half` along the radius. The luminance of the rings
+// is not included. `mu`: cosines of the directions to the eye and to the sun with the pole.
 fn rings_around(body: ViewBody, place: vec2<f32>, half: f32, mu: vec2<f32>) -> vec2<f32> {
     let radius = length(place);
     var zones = RING_ZONES;
@@ -168,7 +168,7 @@ fn rings_around(body: ViewBody, place: vec2<f32>, half: f32, mu: vec2<f32>) -> v
         reflected += within * zone.z * mu.y / (4.0 * (mu.x + mu.y)) * (1.0 - exp(-zone.y * (1.0 / mu.x + 1.0 / mu.y)));
         inner = zone.x;
     }
-    // Shadow of the globe, with its edge blurred as well.
+    // Shadow of the globe. Its edge is blurred too.
     let to_sun = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
     let towards = dot(vec3(place, 0.0), to_sun);
     let beside = sqrt(max(radius * radius - towards * towards, 0.0));
@@ -176,8 +176,8 @@ fn rings_around(body: ViewBody, place: vec2<f32>, half: f32, mu: vec2<f32>) -> v
     return vec2(reflected * open, coverage);
 }
 
-// Share of the light of a globe that its rings let pass on the way to the eye, in a part of a pixel with a footprint in units of the
-// globe. The shadow of the rings is close behind them, so the light of a part is not that of a larger one.
+// Returns the share of the light of a globe that its rings let pass on the way to the eye, in a part of a pixel with a footprint in units of the
+// globe. The shadow of the rings is close behind them, so a larger part would not give the right light.
 fn before_globe(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> f32 {
     if body.around != AROUND_RINGS {
         return 1.0;
@@ -191,8 +191,7 @@ fn before_globe(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f
     return 1.0 - rings_around(body, place.xy, clamp(0.5 * footprint / mu_eye, 1e-5, 1.0), vec2(mu_eye, 1.0)).y;
 }
 
-// Contribution of a body's rings to a pixel, without the parts behind the globe: the mean of parts that are narrower than the
-// rings.
+// Returns the contribution of a body's rings to a pixel, without the parts behind the globe: the mean of parts that are narrower than the rings.
 fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, at_limb: bool) -> Contribution {
     var contribution: Contribution;
     contribution.rings = true;
@@ -208,7 +207,7 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     if own.w * right.w * down.w == 0.0 {
         return contribution;
     }
-    // Half the size of a pixel along the radius; near the centre the radius hardly changes, but the place does.
+    // Half the size of a pixel along the radius. Near the centre the radius hardly changes, but the position does.
     let radius = length(own.xy);
     let reach = max(length(right.xy - own.xy) + length(down.xy - own.xy), 1e-5);
     if radius + reach < RING_INNER || radius - reach > RING_OUTER {
@@ -244,7 +243,8 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     return contribution;
 }
 
-// Contribution of a globe, whose light is already dimmed by the rings before it, and of its rings in a pixel that shows both.
+// Returns the contribution of a globe and of its rings in a pixel that shows both. The light of the globe is already dimmed by the rings in front of
+// it.
 fn globe_with_rings(globe: Contribution, rings: Contribution) -> Contribution {
     var both = globe;
     both.light += rings.light;
@@ -253,7 +253,7 @@ fn globe_with_rings(globe: Contribution, rings: Contribution) -> Contribution {
     return both;
 }
 
-// Mean luminance of a body's corona over a pixel, without occlusion.
+// Returns the mean luminance of a body's corona over a pixel, without occlusion.
 fn corona_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec3<f32> {
     let s = passage_of(body, ray).s;
     let reach = extent * body.distance_m * body.inverse_smallest;
@@ -284,7 +284,7 @@ fn insert_hit(hits: ptr<function, array<Contribution, MOST_HITS>>, count: u32, c
     return min(count + 1u, MOST_HITS);
 }
 
-// Luminance and distance of the layers at a sample; w = 0: empty.
+// Returns the luminance and the distance of the layers at a sample; w = 0: empty.
 fn layers_at(viewport: Viewport, texel: vec2<u32>, ray: vec3<f32>) -> vec4<f32> {
     var found = vec4(0.0);
     let unit = normalize(ray);
@@ -314,8 +314,8 @@ fn layers_at(viewport: Viewport, texel: vec2<u32>, ray: vec3<f32>) -> vec4<f32> 
     return found;
 }
 
-// First body, from an index on, that may be visible in the pixel around a unit vector, or the end index. Most pixels
-// show none; a loop that ends at once costs a software driver nothing, whereas a branch would.
+// Returns the index of the first body, from a given index on, that may be visible in the pixel around a unit vector; the end index if there is none.
+// Most pixels show no body. A loop that ends at once costs a software driver nothing, but a branch would.
 fn next_near(from_body: u32, end: u32, unit: vec3<f32>) -> u32 {
     var b = from_body;
     while b < end {
@@ -412,7 +412,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     var hits: array<Contribution, MOST_HITS>;
     var count = 0u;
     var flags = 0u;
-    // A corona hides nothing; bodies nearer than its sun hide it.
+    // A corona hides nothing. Bodies that are nearer than its sun hide it.
     var corona = vec3(0.0);
     var corona_m = 3e38;
     var is_corona_steep = false;
@@ -468,7 +468,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     // If the limb of a body crosses another body, the covered area is not a product of shares: `crossed.wgsl` draws the pixel again.
     let partly = count > 0u && !hits[0].rings && hits[0].coverage > 0.0 && hits[0].coverage < 1.0;
     let crossed = count > 1u && !hits[1].rings && hits[1].coverage > 0.0;
-    // The same applies to a body in front of a corona, which is brightest at the limb of its sun.
+    // The same applies to a body in front of a corona, since a corona is brightest at the limb of its sun.
     let is_crossed = partly && (crossed || (before_corona < 1.0 && is_corona_steep && any(corona > vec3(0.0))));
     var word = 0u;
     if nearest < 3e38 {

@@ -8,7 +8,7 @@
 #import shared/reflection
 #import structs/BodySun
 
-// Root of the distance from the limb, in semi-axes, up to which a part's luminance is integrated along the radius.
+// Square root of the distance from the limb, in semi-axes, up to which a part's luminance is integrated along the radius.
 const MOST_INNER_ROOT: f32 = 0.7;
 
 fn texel(index: u32) -> vec3<f32> {
@@ -30,7 +30,7 @@ fn level_texel(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec3<f32> {
     return mix(top, bottom, part.y);
 }
 
-// Factor on the albedo at a point of the unit sphere, for a pixel of angular size `footprint`, rad.
+// Returns the factor on the albedo at a point of the unit sphere, for a pixel of angular size `footprint`, rad.
 fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32> {
     if body.texture == NO_TEXTURE {
         return vec3(1.0);
@@ -38,7 +38,7 @@ fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32>
     let place = vec2(
         precise_atan2(point.y, point.x) / (2.0 * PI) + 0.5,
         precise_atan2(length(point.xy), point.z) / PI);
-    // Each level has half as many texels along each side as the previous one, at least one.
+    // Each level has half as many texels along each side as the previous one, but at least one.
     var size = body.texture_size;
     var first = body.texture;
     var level = clamp(log2(max(footprint * f32(size.x) / (2.0 * PI), 1.0)), 0.0, 31.0);
@@ -54,15 +54,15 @@ fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32>
     return mix(fine, level_texel(first + size.x * size.y, max(size / 2u, vec2(1u)), place), level);
 }
 
-// Sine, cosine and value of half the angle of the arc of a circle of radius `own` inside another circle of radius
-// `other`, whose centre is at the distance `apart`.
+// A circle of radius `own` has an arc inside another circle of radius `other`, whose centre is at the distance `apart`. Returns sine, cosine and
+// value of half the angle of this arc.
 fn half_angle(own: f32, other: f32, apart: f32) -> vec3<f32> {
     let cosine = clamp((apart * apart + own * own - other * other) / (2.0 * apart * own), -1.0, 1.0);
     let sine = sqrt(1.0 - cosine * cosine);
     return vec3(sine, cosine, precise_atan2(sine, cosine));
 }
 
-// Share of a sun's light that reaches a point of the unit sphere: see crates/render/src/scene/bodies/shadow.rs.
+// Returns the share of a sun's light that reaches a point of the unit sphere: see crates/render/src/scene/bodies/shadow.rs.
 fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
     if sun.occluder_radius <= 0.0 {
         return vec3(1.0);
@@ -90,8 +90,7 @@ fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
     return 1.0 - hidden * (1.0 - sun.refracted);
 }
 
-// Share of the first sun's light that passes the rings towards a point of the unit sphere, blurred over a part of the
-// radius.
+// Returns the share of the first sun's light that passes the rings towards a point of the unit sphere, blurred over a part of the radius.
 fn through_rings(body: ViewBody, point: vec3<f32>, blur: f32) -> f32 {
     let along = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
     let steps = -point.z / along.z;
@@ -111,17 +110,17 @@ fn through_rings(body: ViewBody, point: vec3<f32>, blur: f32) -> f32 {
     return 1.0 - hidden;
 }
 
-// Normal of a body at an entry point, view axes.
+// Returns the normal of a body at an entry point, view axes.
 fn normal_at(body: ViewBody, entry: vec4<f32>) -> vec3<f32> {
     return normalize(entry.x * body.unit_from_view_x + entry.y * body.unit_from_view_y + entry.z * body.unit_from_view_z);
 }
 
-// Luminance of a body at the entry point of a ray, lit by all of its suns.
+// Returns the luminance of a body at the entry point of a ray, lit by all of its suns.
 fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> vec3<f32> {
     return luminance_by(body, passage, entry, footprint, 0u, body.sun_count, body.emission);
 }
 
-// Luminance of a body at the entry point of a ray, lit by some of its suns, with an emission.
+// Returns the luminance of a body at the entry point of a ray, lit by some of its suns, with an emission.
 fn luminance_by(
     body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32, from_sun: u32, to_sun: u32, emission: vec3<f32>,
 ) -> vec3<f32> {
@@ -142,7 +141,7 @@ fn luminance_by(
     return luminance;
 }
 
-// Share of a unit square in which a linear function with this central value and these slopes is positive.
+// Returns the share of a unit square in which a linear function with this central value and these slopes is positive.
 fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
     let half = 0.5 * vec2(max(abs(slopes.x), abs(slopes.y)), min(abs(slopes.x), abs(slopes.y)));
     let size = abs(middle);
@@ -158,7 +157,8 @@ fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
     return select(1.0 - share, share, middle >= 0.0);
 }
 
-// A passage moved along its radius to a distance from the limb: the square of `root`; not moved if it is negative.
+// Returns a passage that is moved along its radius. Its distance from the limb is then the square of `root`. If `root` is negative, the passage is
+// not moved.
 fn moved_to(body: ViewBody, passage: Passage, root: f32) -> Passage {
     var moved = passage;
     if root < 0.0 {
@@ -171,7 +171,8 @@ fn moved_to(body: ViewBody, passage: Passage, root: f32) -> Passage {
     return moved;
 }
 
-// Cosine of the incidence of the first sun's light at the square of `root` from the limb, along a passage's radius.
+// Returns the cosine of the incidence of the first sun's light, at a distance from the limb that is the square of `root`, along the radius of a
+// passage.
 fn incidence_at(body: ViewBody, passage: Passage, root: f32) -> f32 {
     return dot(normal_at(body, entry_of(body, moved_to(body, passage, root))), suns[body.first_sun].direction);
 }
@@ -181,17 +182,17 @@ struct LitPlace {
     root: f32,
     // Share of the part.
     weight: f32,
-    // Whether the first sun, the other ones, and the emission count.
+    // Whether the first sun, the other suns, and the emission are included.
     first: bool,
     others: bool,
 }
 
-// Light of a part of a pixel: mean luminance times the share that the body covers. `slopes`: of the distance from the centre
-// across the part. Near the limb (`steep`), if the terminator of the first sun is in the part, only the lit band is integrated,
-// in two halves with the areas that they have in the part: otherwise a crescent that is thinner than a part would get too
-// much light or none.
+// Light of a part of a pixel: mean luminance times the share that the body covers. `slopes`: slopes of the distance from the centre across the part.
+// Near the limb (`steep`), if the terminator of the first sun is in the part, only the lit band is integrated. It is divided into two halves, which
+// are weighted by their areas in the part. Otherwise a crescent that is thinner than a part would get too much light or none.
 //
-// The luminance is computed in one loop: drivers insert a copy of its code at each call, and would compile it for half a minute.
+// The luminance is computed in one loop, because drivers insert a copy of its code at each call. With several calls they would compile for half a
+// minute.
 fn light_of_part(body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>, steep: bool, footprint: f32) -> vec3<f32> {
     var places: array<LitPlace, 3>;
     places[0] = LitPlace(-1.0, share, true, true);
@@ -211,12 +212,12 @@ fn light_of_part(body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>
     return sum;
 }
 
-// The places of a part near the limb; returns their number.
+// Finds the places of a part near the limb, and returns their number.
 fn places_near_limb(
     body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>, places: ptr<function, array<LitPlace, 3>>,
 ) -> u32 {
     let depth = 1.0 - passage.s;
-    // The covered part is between these distances from the limb; the root has its mean at this distance.
+    // The covered part is between these distances from the limb. Over it, the square root of the distance has the mean `mean`.
     let half = 0.5 * length(slopes);
     let near = max(depth - half, 0.0);
     let far = max(depth + half, near + 1e-6);
@@ -234,7 +235,7 @@ fn places_near_limb(
             border = clamp(mix(roots.x, border, clamp(outer / (outer - between), 0.0, 2.0)), roots.x, roots.y);
             let lit = select(vec2(border, roots.y), vec2(roots.x, border), outer > 0.0);
             (*places)[0].first = false;
-            // Share of the part that is deeper than an end of a half.
+            // Share of the part that is deeper than one end of a half.
             var deeper = min(positive_share(depth - lit.x * lit.x, slopes), share);
             for (var i = 0u; i < 2u; i++) {
                 let ends = lit.x + (lit.y - lit.x) * 0.5 * vec2(f32(i), f32(i + 1u));

@@ -21,8 +21,8 @@
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 
-// A point states how often the spacing must be halved, at most three times, until the light of the cell to the right and below is smooth. If only the
-// extinction of low air is rough, the point has the value IS_LOW.
+// Each point states how often the spacing must be halved, at most three times, until the light of the cell to the right and below is smooth. If only
+// the extinction of low air is rough, the value of the point is IS_LOW.
 const IS_LOW: f32 = 0.5;
 // Sine of the altitude of a cell's corner below which the extinction in the cell is too curved for interpolation.
 const LEAST_SINE: f32 = 0.12;
@@ -46,8 +46,7 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
     let light = rough + passed * zodiacal_luminance(parameters.light, arriving);
     let is_low = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
     var why = select(0.0, IS_LOW, is_low);
-    // The roughness of a block also covers its surroundings, up to the extent of a cell from its corner. The zodiacal
-    // light is smooth everywhere.
+    // The roughness of a block includes its surroundings, up to the extent of a cell from its corner. The zodiacal light is smooth everywhere.
     let map = parameters.light.map;
     if map.side > 0u {
         let texel = vec2<u32>(max(0.5 * f32(map.side) + direction.offset * map.texels_per_rad, vec2(0.0)));

@@ -1,4 +1,4 @@
-// Reads the sums of shared/accumulate_u32.wgsl, and replaces them by luminance.
+// Reads the sums of shared/accumulate_u32.wgsl, and replaces them with luminance.
 
 #import shared/pixel_grid
 
@@ -13,13 +13,12 @@ fn units_of(words: vec4<u32>) -> vec3<f32> {
     return vec3<f32>(words.xyz) + 4294967296.0 * vec3<f32>(carries);
 }
 
-// B is stored with the carries, so these words are always read. The binding of the flags is shared with
-// display/decode_u64.wgsl.
+// B is stored with the carries, so these words are always read. The binding of the flags is the same as in display/decode_u64.wgsl.
 fn has_high_words(flag: u32) -> bool {
     return counters[flag] != 0xffffffffu;
 }
 
-// Units of a pixel's three channels.
+// Returns the sums of a pixel's three channels, units.
 fn sums(pixel: u32, high: bool) -> vec3<f32> {
     return units_of(vec4(pixels[pixel], high_words[pixel]));
 }

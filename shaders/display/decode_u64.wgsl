@@ -1,5 +1,5 @@
-// Reads the sums of shared/accumulate_u64.wgsl, and replaces them by luminance. The 64-bit words are read as pairs of
-// 32 bits, low word first; this is WGSL's memory layout and cheaper to unpack.
+// Reads the sums of shared/accumulate_u64.wgsl, and replaces them with luminance. The 64-bit words are read as pairs of 32-bit words, the low one
+// first. This is WGSL's memory layout, and such pairs are cheaper to unpack.
 
 #import shared/pixel_grid
 
@@ -21,7 +21,7 @@ fn has_high_words(flag: u32) -> bool {
     return counters[flag] != 0u;
 }
 
-// Units of a pixel's three channels. High words are reset to zero for the next frame.
+// Returns the sums of a pixel's three channels, units. High words are reset to zero for the next frame.
 fn sums(pixel: u32, high: bool) -> vec3<f32> {
     var units = fields(pixels[pixel]);
     if high {

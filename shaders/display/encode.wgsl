@@ -15,7 +15,7 @@ override DESATURATES: bool = false;
 override SCOTOPIC: bool = false;
 
 fn filmic(value: vec3<f32>) -> vec3<f32> {
-    // Above 1e4 the curve is within 2e-5 of 1, and the products stay finite.
+    // Above 1e4 the curve is within 2e-5 of 1. The limit keeps the products finite.
     let x = min(value, vec3(1e4));
     return x * (6.2 * x + 0.5) / (x * (6.2 * x + 1.7) + 0.06);
 }
@@ -26,12 +26,12 @@ fn aces(value: vec3<f32>) -> vec3<f32> {
     return min(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), vec3(1.0));
 }
 
-// Factor by which Reinhard's operator scales a colour of luminance y relative to white.
+// Returns the factor by which Reinhard's operator scales a colour whose luminance relative to white is y.
 fn reinhard_scale(y: f32, white: f32) -> f32 {
     return (1.0 + y / (white * white)) / (1.0 + y);
 }
 
-// Replaces NaN by black. Tests bits, since compilers may assume that comparisons never see NaN.
+// Replaces NaN by black. It tests bits, since compilers may assume that comparisons never see NaN.
 fn without_nan(luminance: vec3<f32>) -> vec3<f32> {
     return select(luminance, vec3(0.0), (bitcast<vec3<u32>>(luminance) & vec3(0x7fffffffu)) > vec3(0x7f800000u));
 }
@@ -41,7 +41,7 @@ fn bounded(light: vec3<f32>) -> vec3<f32> {
     return clamp(light, vec3(0.0), vec3(BRIGHTEST));
 }
 
-// Appearance of light (cd/m^2) to rods and cones: crates/sky/src/photometry/tone_map/scotopic.rs.
+// How light (cd/m^2) appears to rods and cones: crates/sky/src/photometry/tone_map/scotopic.rs.
 fn seen_at_night(light: vec3<f32>, amount: f32) -> vec3<f32> {
     let y = dot(light, LUMINANCE_WEIGHTS);
     let xyz = vec3(
@@ -52,14 +52,14 @@ fn seen_at_night(light: vec3<f32>, amount: f32) -> vec3<f32> {
     if !(y > 0.0 && xyz.x > 0.0) {
         return light;
     }
-    // Scotopic over photopic luminance, relative to white; displayed at x = y = 0.25.
+    // Ratio of scotopic to photopic luminance, relative to that of white. Rod vision is displayed as the chromaticity x = y = 0.25.
     let ratio = (1.33 * (1.0 + (xyz.y + xyz.z) / xyz.x) - 1.68) / 2.5732779;
     let rods = y * ratio * vec3(0.7063652, 0.9898340, 1.9655961);
     let cones = clamp(0.767 + 0.3334 * 0.30102999566 * log2(y), 0.0, 1.0);
     return light + amount * (1.0 - cones) * (rods - light);
 }
 
-// Colour of luminance `y` with the hue of `value`, as saturated as possible with no channel above 1.
+// Returns the colour of luminance `y` with the hue of `value`, as saturated as possible without a channel above 1.
 fn at_luminance(value: vec3<f32>, y: f32) -> vec3<f32> {
     let own = dot(value, LUMINANCE_WEIGHTS);
     if !(own > 0.0 && y > 0.0) {
@@ -74,7 +74,7 @@ fn at_luminance(value: vec3<f32>, y: f32) -> vec3<f32> {
     return y * (1.0 + purity * (unit_colour - 1.0));
 }
 
-// Encoded display values of light in cd/m^2.
+// Returns the encoded display values of light in cd/m^2.
 fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, settings: Display) -> vec3<f32> {
     var light = bounded(without_nan(luminance));
     if SCOTOPIC {
@@ -100,7 +100,7 @@ fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, settings: Displ
     }
     if DESATURATES {
         let linear = linear_from_srgb(encoded);
-        // For per-channel curves, the luminance is that of their result.
+        // With curves per channel, the luminance is that of their result.
         let by_channel = TONE_OPERATOR == OPERATOR_FILMIC || TONE_OPERATOR == OPERATOR_ACES;
         let wanted = dot(select(scale * value, linear, by_channel), LUMINANCE_WEIGHTS);
         let kept = at_luminance(value, min(wanted, 1.0));
@@ -109,12 +109,12 @@ fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, settings: Displ
     return encoded;
 }
 
-// R, G, B, A bytes of a pixel, from its light in cd/m^2.
+// Returns the R, G, B and A bytes of a pixel, from its light in cd/m^2.
 fn display_word(luminance: vec3<f32>, display_per_cd_m2: f32, settings: Display, column: u32, row: u32) -> u32 {
     let encoded = encoded_display(luminance, display_per_cd_m2, settings);
     var threshold = 0.5;
     if settings.dither != 0u {
-        // One threshold for all three channels, computed from the pixel position only: no colour noise, no flicker.
+        // All three channels have the same threshold, which depends only on the pixel position. So there is no colour noise and no flicker.
         threshold = f32(hash(column + 65536u * row) >> 8u) / 16777216.0;
     }
     // Integers below 2^23 are the low bits of their sum with 2^23.

@@ -22,7 +22,7 @@ fn choose_exposure(@builtin(local_invocation_index) local: u32) {
     for (var i = local; i < parameters.partial_count; i += EXPOSURE_THREADS) {
         let partial = partial_sums[i];
         left_out += partial.y;
-        // A non-finite sum, even of finite pixels, must not spoil the frame.
+        // A non-finite sum, even one of finite pixels, must not spoil the frame.
         let counts = (bitcast<u32>(partial.x) & 0x7f800000u) != 0x7f800000u;
         let term = select(0.0, partial.x, counts) - rounded;
         let next = sum + term;

@@ -1,4 +1,4 @@
-// For adapters that bind too few buffers for a map of faint light: every star is drawn individually.
+// Replaces display/faint_map.wgsl on adapters that bind too few buffers for a map of faint light. Every star is then drawn individually.
 
 #import shared/sky_place
 

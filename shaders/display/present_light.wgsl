@@ -7,8 +7,7 @@
 @group(0) @binding(1) var<storage, read> luminances: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> exposure: Exposure;
 
-// Rounds values from 0 to 1 to the nearest half floats, ties to even. Targets may truncate instead; rounded values are
-// not affected.
+// Rounds values from 0 to 1 to the nearest half floats, ties to even. Targets may truncate instead, but that does not change rounded values.
 fn nearest_halves(value: vec3<f32>) -> vec3<f32> {
     let bits = bitcast<vec3<u32>>(value);
     let normal = bitcast<vec3<f32>>((bits + 0xfffu + ((bits >> vec3(13u)) & vec3(1u))) & vec3(0xffffe000u));

@@ -1,7 +1,6 @@
-// The resolve pass: converts sums of illuminance to luminance. Each pixel's fixed-point sum, in units of `lx_per_unit`,
-// is divided by the pixel's solid angle. If HDR output is requested, R, G, B in cd/m^2 and the solid angle in sr
-// replace the sums; if the exposure is known, the display image is written too. The pixel's illuminance (luminance
-// times solid angle) is summed for the exposure.
+// The resolve pass: converts sums of illuminance to luminance. Each pixel's fixed-point sum, in units of `lx_per_unit`, is divided by the pixel's
+// solid angle. If HDR output is requested, R, G, B in cd/m^2 and the solid angle in sr replace the sums; if the exposure is known, the display image
+// is also written. The pixel's illuminance (luminance times solid angle) is summed for the exposure.
 
 #import constants/frame_lists
 #import constants/pixel_grid
@@ -32,8 +31,8 @@
 
 // Smooth part of scattered light.
 @group(0) @binding(11) var<uniform> point_grids: array<PointGrid, MAX_VIEWPORTS>;
-// Points of all grids. Those of diffuse light, after extinction, also say whether the cell to the right and below is
-// rough: shaders/diffuse/points.wgsl.
+// Points of all grids. The points of diffuse light, which is attenuated by the air, also state whether the cell to the right and below is rough:
+// shaders/diffuse/points.wgsl.
 @group(0) @binding(12) var<storage, read> grid_points: array<vec4<f32>>;
 
 // Diffuse light.
@@ -79,7 +78,7 @@ fn diffuse_cell(grid: PointGrid, x: u32, above: f32) -> DiffuseCell {
         mix(grid_points[below].xyz, grid_points[below + 1u].xyz, share));
 }
 
-// Light from behind the surfaces and the air of a pixel, read in its own direction.
+// Returns the light from behind the surfaces and the air of a pixel, read in the pixel's own direction.
 fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> vec3<f32> {
     let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(pixel) + 0.5)));
     var arriving = towards;
@@ -99,7 +98,7 @@ fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> ve
     return passed * behind;
 }
 
-// Values of a column of pixels between points of a row of a grid. `first`: index of the first point of the block, whose points are
+// Returns the values of a column of pixels, between the points of a row of a grid. `first`: index of the first point of the block. Its points are
 // `stride` entries apart. The block has one cell, or two if it `is_halved`.
 fn block_points(first: u32, stride: u32, is_halved: bool, is_second: bool, share: f32) -> vec4<f32> {
     var value = mix(grid_points[first], grid_points[first + stride], share);
@@ -109,8 +108,8 @@ fn block_points(first: u32, stride: u32, is_halved: bool, is_second: bool, share
     return value;
 }
 
-// Where the cell of an invocation is in the map of faint light. `entry`: of the first cell of the block's row. The block has a second cell
-// beside it if it `is_halved`.
+// Returns where the cell of an invocation is in the map of faint light. `entry`: entry of the first cell of the block's row. If the block
+// `is_halved`, it has a second cell next to this one.
 fn block_cell(entry: u32, is_second: bool, is_halved: bool) -> SkyCell {
     var cell = sky_cell(entry);
     if is_halved {
@@ -123,7 +122,7 @@ fn block_cell(entry: u32, is_second: bool, is_halved: bool) -> SkyCell {
     return cell;
 }
 
-// Writes the light and the display value of a pixel of a plain block, or of one outside.
+// Writes the light and the display value of a pixel, inside or outside a plain block.
 fn write(index: u32, luminance: vec4<f32>, word: u32) {
     if WRITE_HDR {
         store_luminance(index, luminance);
@@ -133,7 +132,7 @@ fn write(index: u32, luminance: vec4<f32>, word: u32) {
     }
 }
 
-// Illuminance of a pixel's stars, lx.
+// Returns the illuminance of a pixel's stars, lx.
 fn starlight(index: u32, high: bool) -> vec3<f32> {
     var illuminance = sums(index, high) * parameters.lx_per_unit;
     if parameters.lx_per_bright_unit > 0.0 {
@@ -142,10 +141,9 @@ fn starlight(index: u32, high: bool) -> vec3<f32> {
     return illuminance;
 }
 
-// Runs of ROWS rows per workgroup, with one invocation per column. A GPU is fastest with a full wave, a software driver
-// with one SIMD step.
+// Number of runs of ROWS rows per workgroup, with one invocation per column. A full wave is fastest on a GPU, one SIMD step on a software driver.
 override ROW_GROUPS: u32 = 1u;
-// Runs per invocation. A software driver spends a microsecond on each workgroup.
+// Number of runs per invocation. A software driver spends a microsecond on each workgroup.
 override RUNS: u32 = 1u;
 
 @compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)
@@ -166,7 +164,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id
 // Resolves a run of ROWS rows of one column.
 fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row_group: u32) {
     let x = group.x * BLOCK_COLUMNS + local;
-    // One flag for a block of COLUMNS by ROWS pixels.
+    // One flag covers a block of COLUMNS by ROWS pixels.
     let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
     let high = has_high_words(tile.first_flag + row_group * columns + group.x * BLOCK_COLUMNS / COLUMNS);
     var sum = 0.0;
@@ -174,8 +172,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
     if HAS_VEIL {
         veil = grid_column(point_grids[tile.viewport], x);
     }
-    // A map side of 0 means no diffuse light. This is a run-time value because shaders are created before the stars are
-    // loaded.
+    // A map side of 0 means that there is no diffuse light. This is a run-time value because shaders are created before the stars are loaded.
     let has_diffuse = parameters.diffuse.map.side > 0u || parameters.diffuse.zodiacal.side > 0u;
     let reads_points = parameters.diffuse_is_smooth != 0u;
     var diffuse_grid: PointGrid;
@@ -197,8 +194,8 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
             continue;
         }
         if (flags & BLOCK_IS_MIXED) == 0u {
-            // Stars in front of light that is interpolated between the points of one grid. A block has one or two cells along
-            // each side. All addresses of points are the same for the whole workgroup.
+            // Draws stars in front of light that is interpolated between the points of one grid. A block has one or two cells along each side. All
+            // addresses of points are the same for the whole workgroup.
             let halvings = flags >> BLOCK_HALVINGS_SHIFT;
             let is_rough = halvings > 0u;
             let spacing = plain_grid.spacing;
@@ -212,7 +209,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                 let below = plain_grid.columns;
                 var top = block_points(plain_grid.first + point, 1u, is_halved, is_second, share);
                 var bottom = block_points(plain_grid.first + point + below, 1u, is_halved, is_second, share);
-                // Rows from one place at which the map of diffuse light is read to the next.
+                // Number of rows between two places at which the map of diffuse light is read.
                 let rough_rows = max(spacing >> halvings, 1u);
                 var rough = vec3(0.0);
                 var rough_slope = vec3(0.0);
@@ -245,7 +242,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                         number = u32(grid_points[sky].z);
                         place_slope = (place_bottom.xy - place_top.xy) * step;
                         place = place_top.xy + 0.5 * place_slope;
-                        // The map is read instead.
+                        // The map is read instead of the grid.
                         let points = plain_grid.rough + point;
                         top -= block_points(points, 1u, is_halved, is_second, share);
                         bottom -= block_points(points + below, 1u, is_halved, is_second, share);

@@ -1,4 +1,4 @@
-// For adapters that bind too few buffers: display/tone_map.wgsl writes the display image.
+// Replaces display/shown.wgsl on adapters that bind too few buffers. There display/tone_map.wgsl writes the display image.
 
 fn show(index: u32, word: u32) {
 }

@@ -1,6 +1,6 @@
-// The glare pass over pixels: a share of every pixel's light is scattered away, and light scattered towards the pixel
-// is added. The picture is read and written in place after the resolve pass; its illuminance is summed again for the
-// exposure. The chosen source provides the light scattered towards eight pixels of a column.
+// The glare pass over pixels: removes the scattered share of every pixel's light, and adds the light that is scattered towards the pixel. The picture
+// is read and written in place after the resolve pass; its illuminance is summed again for the exposure. The chosen source provides the light
+// scattered towards eight pixels of a column.
 
 #import constants/frame_lists
 #import constants/pixel_grid
@@ -18,8 +18,7 @@
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
 
-// Runs of ROWS rows per workgroup, with one invocation per column. A GPU is fastest with a full wave, a software driver
-// with one SIMD step.
+// Number of runs of ROWS rows per workgroup, with one invocation per column. A full wave is fastest on a GPU, one SIMD step on a software driver.
 override ROW_GROUPS: u32;
 
 @compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)

@@ -1,7 +1,6 @@
-// The overlay pass: draws lines and text onto display images. One workgroup per block of pixels with items; each pixel
-// loops over the items of its block in order. The items of one stroke are drawn as one shape: their greatest coverage
-// is blended in linear light. Bodies and asteroids hide items behind them in proportion to their coverage of the pixel.
-// The f64 twin is crates/render/src/reference/overlay/draw.rs.
+// The overlay pass: draws lines and text onto display images. There is one workgroup per block of pixels with items. Each pixel loops over the items
+// of its block in order. The items of one stroke are drawn as one shape: their greatest coverage is blended in linear light. Bodies and asteroids
+// hide items behind them in proportion to their coverage of the pixel. The f64 twin is crates/render/src/reference/overlay/draw.rs.
 
 #import constants/frame_lists
 #import constants/overlay
@@ -28,7 +27,7 @@ const NO_STROKE: u32 = 0xffffffffu;
 // Whether the scene has surfaces in addition to stars.
 override HAS_GEOMETRY: bool = false;
 
-// Coverage of a pixel by an item, and inverse distance of the item.
+// Returns the coverage of a pixel by an item, and inverse distance of the item.
 fn item_coverage(item: OverlayItem, pixel: vec2<u32>) -> vec2<f32> {
     if item.shape == SHAPE_LINE {
         let along = item.end - item.begin;
@@ -53,7 +52,7 @@ fn item_coverage(item: OverlayItem, pixel: vec2<u32>) -> vec2<f32> {
     return vec2(coverage, item.nearness.x);
 }
 
-// A texel of a picture: linear light times alpha, and alpha. Outside of the picture: nothing.
+// Returns a texel of a picture: linear light times alpha, and alpha. Outside of the picture it is transparent.
 fn picture_texel(first: u32, size: vec2<u32>, at: vec2<i32>) -> vec4<f32> {
     if any(at < vec2(0)) || any(at >= vec2<i32>(size)) {
         return vec4(0.0);
@@ -63,7 +62,7 @@ fn picture_texel(first: u32, size: vec2<u32>, at: vec2<i32>) -> vec4<f32> {
     return vec4(light_of(word) * alpha, alpha);
 }
 
-// A picture in a direction, view axes: linear light and alpha, interpolated between four texels.
+// Returns the value of a picture in a direction, view axes: linear light and alpha, interpolated between four texels.
 fn picture_in(header: u32, direction: vec3<f32>) -> vec4<f32> {
     var along = vec3(0.0);
     for (var i = 0u; i < 3u; i++) {
@@ -78,7 +77,7 @@ fn picture_in(header: u32, direction: vec3<f32>) -> vec4<f32> {
     let size = vec2(texels[header + 11u], texels[header + 12u]);
     let first = texels[header + 13u];
     let place = (along.xy / along.z + 0.5) * extent - 0.5;
-    // Far outside, the conversion to integers would overflow.
+    // Far outside the picture, the conversion to integers would overflow.
     if any(place < vec2(-1.0)) || any(place > vec2<f32>(size)) {
         return vec4(0.0);
     }

@@ -1,5 +1,5 @@
-// Adds the smooth lights of a frame at each point of a grid, and finds the inverse of the solid angle of a pixel there, and its
-// place in the pictures of the sky.
+// Adds the smooth lights of a frame at each point of a grid. Also finds the inverse of the solid angle of a pixel at the point, and the point's place
+// in the pictures of the sky.
 
 #import constants/frame_lists
 #import constants/plain_blocks
@@ -17,7 +17,7 @@
 @group(0) @binding(2) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
 @group(0) @binding(3) var<storage, read_write> grid_points: array<vec4<f32>>;
 
-// Light of one part at a point; 0 if the frame does not have the part.
+// Returns the light of one part at a point; 0 if the frame does not have this part.
 fn part_at(first: u32, point: u32) -> vec3<f32> {
     if first == NO_POINTS {
         return vec3(0.0);
@@ -33,7 +33,7 @@ fn gather_light(@builtin(global_invocation_id) place: vec3<u32>) {
     }
     let point = place.y * grid.columns + place.x;
     let light = part_at(grid.veil, point) + part_at(grid.air, point) + part_at(grid.diffuse, point) + part_at(grid.near, point);
-    // The point is the corner of four pixels, whose mean is accurate to second order.
+    // The point is the corner of four pixels. Their mean is accurate to second order.
     let viewport = viewports[place.z];
     let corner = vec2<i32>(place.xy * grid.spacing);
     var solid_angles = 0.0;
@@ -46,7 +46,7 @@ fn gather_light(@builtin(global_invocation_id) place: vec3<u32>) {
     // 0: a pixel at the point is outside of the picture.
     let inverse = select(0.0, 4.0 / max(solid_angles, 1e-30), least > 0.0);
     grid_points[grid.first + point] = vec4(light, inverse);
-    // Place in the pictures of the sky, and share of its light that passes the air.
+    // Place in the pictures of the sky, and share of their light that passes the air.
     if grid.rough != NO_POINTS || parameters.reads_faint_map != 0u {
         let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(corner))));
         var arriving = towards;

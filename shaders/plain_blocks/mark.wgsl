@@ -1,6 +1,6 @@
-// Marks the blocks of a picture that are not plain: those that show ground or the air near the horizon, and those where
-// a second difference between the points of the grid shows that interpolation is not accurate enough. The passes over
-// bodies mark further blocks. Finds where the cells of plain blocks are in the map of faint light.
+// Marks the blocks of a picture that are not plain. These blocks show ground or the air near the horizon, or a second difference between the points
+// of the grid shows that interpolation is not accurate enough. The passes over bodies mark further blocks. The pass also finds where the cells of
+// plain blocks are in the map of faint light.
 
 #import constants/frame_lists
 #import constants/plain_blocks
@@ -35,7 +35,7 @@ struct Differences {
     across: vec4<f32>,
 }
 
-// `first`: index of the first point of a part, whose points are `stride` entries apart.
+// `first`: index of the first point of a part. The points of the part are `stride` entries apart.
 fn differences_at(first: u32, point: u32, columns: u32, stride: u32) -> Differences {
     let own = first + stride * point;
     let centre = 2.0 * grid_points[own];
@@ -44,7 +44,7 @@ fn differences_at(first: u32, point: u32, columns: u32, stride: u32) -> Differen
         grid_points[own - stride * columns] + grid_points[own + stride * columns] - centre);
 }
 
-// Error of interpolation: an eighth of each second difference.
+// Returns the error of interpolation: an eighth of each second difference.
 fn error_of(differences: Differences) -> vec4<f32> {
     return 0.125 * (abs(differences.along) + abs(differences.across));
 }
@@ -57,13 +57,13 @@ fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
 override JUDGES_CODES: bool;
 
 // Whether an error of the light is significant if the sum of all light is `light`. Software drivers compile a copy of the encoding for each call and
-// for each unrolled iteration. So this loop and those of the callers stay loops.
+// for each unrolled iteration. Therefore this loop and those of the callers must not be unrolled.
 fn is_visible(viewport: Viewport, light: vec3<f32>, error: vec3<f32>) -> bool {
     if !JUDGES_CODES {
         let most = max(parameters.most_error * dot(light, LUMINANCE_WEIGHTS), parameters.floor_cd_m2);
         return !(max(error.x, max(error.y, error.z)) <= most);
     }
-    // First the encoded light; then the difference between the light with its error, also encoded, and the encoded light.
+    // First the encoded light. Then the difference between the encoded sum of light and error, and the encoded light.
     var change = vec3(0.0);
     for (var i = 0; i < turns(viewport, 2); i++) {
         change = encoded_display(light + f32(i) * error, parameters.display_per_cd_m2, parameters.shown) - change;
@@ -71,7 +71,7 @@ fn is_visible(viewport: Viewport, light: vec3<f32>, error: vec3<f32>) -> bool {
     return !(255.0 * max(abs(change.x), max(abs(change.y), abs(change.z))) <= parameters.most_error);
 }
 
-// A point of a block's grid that has neighbours on all sides. `i` = 0: near the block's first corner; `i` = 1: near the opposite one.
+// Returns a point of a block's grid that has neighbours on all sides. `i` = 0: near the block's first corner; `i` = 1: near the opposite one.
 fn inner_point(grid: PlainGrid, block: vec2<u32>, i: u32) -> u32 {
     let last = vec2(grid.columns, grid.rows) - 1u;
     let place = clamp(min((block + i) * (PLAIN_BLOCK >> grid.spacing_log2), last), vec2(1u), max(last, vec2(2u)) - 1u);
@@ -115,7 +115,7 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
     if grid.rough != NO_POINTS {
         let of_rough = differences_at(grid.rough, point, grid.columns, 1u);
         let rough_error = error_of(of_rough).xyz;
-        // Half the distance has a quarter of the error.
+        // At half the distance the error is a quarter.
         while found.halvings < MOST_HALVINGS
             && is_visible(viewport, own.xyz, rough_error / f32(1u << (2u * found.halvings))) {
             found.halvings++;
@@ -128,14 +128,14 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
     if reads_place(found.halvings) {
         let of_place = error_at(grid.sky, point, grid.columns, 2u);
         let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
-        // With a neighbour in another picture, the error of positions in this one is unknown.
+        // If a neighbour is in another picture, the error of positions in this one is unknown.
         if of_place.z == 0.0 {
             found.has_place = true;
             found.is_mixed = found.is_mixed || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR);
         }
         found.is_mixed = found.is_mixed || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
     }
-    // First the error of all light; if it is visible, also the error of the light of the air.
+    // First judge the error of all light. If it is visible, also judge the error of the light of the air.
     var asked = error.xyz;
     for (var part = 0; part < turns(viewport, 2); part++) {
         let is_seen = is_visible(viewport, own.xyz, asked);
@@ -158,7 +158,8 @@ fn direction_at(grid: PlainGrid, point: u32) -> PictureDirection {
     return PictureDirection(u32(place.z), place.xy);
 }
 
-// Finds the picture of the map of faint light that contains the middle of a cell, and the places of its corners in it. `first`: the cell's first point.
+// Finds the picture of the map of faint light that contains the middle of a cell, and the places of the cell's corners in the picture. `first`: the
+// cell's first point.
 fn place_cell(grid: PlainGrid, viewport: Viewport, first: u32) {
     let corner = direction_at(grid, first);
     let opposite = direction_at(grid, first + grid.columns + 1u);
@@ -190,7 +191,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         counters[flag] = BLOCK_IS_MIXED;
         return;
     }
-    // A block outside of a round picture: its pixel nearest to the centre is outside.
+    // A block is outside of a round picture if its pixel nearest to the centre is outside.
     let first_pixel = vec2<i32>(id.xy * PLAIN_BLOCK);
     let last_pixel = min(first_pixel + i32(PLAIN_BLOCK) - 1, vec2<i32>(viewport.size) - 1);
     if !contains(viewport, clamp(vec2<i32>(viewport.size) / 2, first_pixel, last_pixel)) {

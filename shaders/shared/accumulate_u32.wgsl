@@ -8,7 +8,7 @@
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read_write> high_words: array<atomic<u32>>;
 
-// Not used here; it exists for shared/accumulate_u64.wgsl.
+// Not used here. It exists because shared/accumulate_u64.wgsl needs it.
 var<private> target_tile: vec3<u32>;
 
 fn add_channel(pixel: u32, channel: u32, value: f32) -> u32 {
@@ -26,7 +26,7 @@ fn add_channel(pixel: u32, channel: u32, value: f32) -> u32 {
     return u32(high) + select(0u, 1u, before + low < before);
 }
 
-// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added.
+// Adds `units` (integers) to a pixel. A value that is too large for a channel is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
     if any(units >= vec3(CHANNEL_UNITS)) {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);

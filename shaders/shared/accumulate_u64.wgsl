@@ -3,11 +3,11 @@
 // star costs one atomic addition per pixel, and neighbouring pixels share a cache line. Addition does not depend on the
 // order, so the same frame gives the same bits.
 //
-// Few stars reach the second words. A star that does raises the flag of the pixel's block. The resolve pass reads
-// second words of flagged blocks only, and resets them to zero for the next frame.
+// Few stars reach the second words. A star that does raises the flag of the pixel's block. The resolve pass reads the second words only of flagged
+// blocks, and resets them to zero for the next frame.
 //
-// When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R (relative 4.8e-7),
-// in any order. The thread whose addition causes the carry adds it to the high field.
+// When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R, a relative error of 4.8e-7. This does not depend
+// on the order. The thread whose addition causes the carry adds it to the high field.
 
 #requires u64
 #import constants/counters
@@ -30,12 +30,12 @@ fn raise_flag(pixel: u32) {
 }
 
 const FIELD_BITS: u32 = 21u;
-// The first number of units that a field does not hold.
+// The smallest number of units that a field cannot hold.
 const FIELD_UNITS: f32 = 2097152.0;
 // Bits that a carry out of a field reaches: 21, 42 and 63.
 const CARRIES: u64 = 0x8000040000200000lu;
 
-// Packs integers from 0 to FIELD_UNITS - 1. They are the low bits of their sums with 2^23, which costs a CPU less than a conversion.
+// Packs integers from 0 to FIELD_UNITS - 1. An integer is the low bits of its sum with 2^23; this costs a CPU less than a conversion.
 fn packed_fields(units: vec3<f32>) -> u64 {
     let bits = bitcast<vec3<u32>>(units + 8388608.0);
     // The shifts to the left remove the bits of the exponent.
@@ -53,8 +53,8 @@ fn accumulate_high(pixel: u32, added: u64) {
     }
 }
 
-// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added. Few
-// values need a second word, and a software driver skips code that none of its lanes needs.
+// Adds `units` (integers) to a pixel. A value that is too large for a channel is counted as an overflow and not added. Few values need a second word,
+// and a software driver skips code that none of its lanes needs.
 fn accumulate(pixel: u32, units: vec3<f32>) {
     var low = units;
     var added_high = 0lu;

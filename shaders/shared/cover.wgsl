@@ -1,7 +1,7 @@
 // Result of the geometry pass per pixel: luminance in cd/m^2 (the first three words, as f32), and a word that describes
 // the surfaces in front of the stars: covered share of the pixel, distance, and flags for further tests.
 
-// Covered share of the pixel, stored in steps of 1/255.
+// Returns the covered share of the pixel, stored in steps of 1/255.
 fn coverage_of(word: u32) -> f32 {
     return f32(word >> 24u) / 255.0;
 }
@@ -12,15 +12,15 @@ const COVER_LIMB: u32 = 0x800000u;
 // Flag: asteroids cover a part of the pixel.
 const COVER_MESH: u32 = 0x400000u;
 
-// Distance of the nearest surface, m: f32 without its sign and its nine lowest bits.
+// Returns the distance of the nearest surface, m: an f32 without its sign bit and its nine lowest bits.
 fn distance_of(word: u32) -> f32 {
     return bitcast<f32>((word & 0x3fffffu) << 9u);
 }
 
-// Mark of a pixel that `bodies/crossed.wgsl` draws again: the sign of its first word, whose luminance is not negative. No other pass sees it.
+// Mark of a pixel that `bodies/crossed.wgsl` draws again: the sign of its first word, whose luminance is not negative. No later pass sees the mark.
 const CROSSED_MARK: u32 = 0x80000000u;
 
-// A word with another covered share.
+// Returns a word with another covered share.
 fn with_coverage(word: u32, coverage: f32) -> u32 {
     // The value 255 is reserved for complete coverage.
     let parts = select(min(u32(round(coverage * 255.0)), 254u), 255u, coverage >= 1.0);

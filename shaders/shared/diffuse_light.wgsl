@@ -9,12 +9,13 @@
 // Whether the observer moves.
 override MOVES: bool = false;
 
-// Luminance in the apparent unit direction `seen`, world axes, cd/m^2. `at_rest`: the same direction in the pictures.
+// Returns the luminance in the apparent unit direction `seen`, world axes, cd/m^2. `at_rest`: the same direction in the pictures, for an observer at
+// rest.
 fn diffuse_luminance(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirection) -> vec3<f32> {
     return luminance_beyond(light, seen, at_rest) + zodiacal_luminance(light, seen);
 }
 
-// The part from beyond the Solar System.
+// Returns the part that comes from beyond the Solar System.
 fn luminance_beyond(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirection) -> vec3<f32> {
     if light.map.side == 0u {
         return vec3(0.0);
@@ -22,19 +23,19 @@ fn luminance_beyond(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirect
     var direction = at_rest;
     var shifted = vec3(1.0);
     if MOVES {
-        // Transform back to the frame at rest, whose velocity is the opposite.
+        // Transform the direction back to the frame at rest, which has the opposite velocity.
         let cosine = dot(seen, light.velocity);
         let gamma = inverseSqrt(1.0 - light.beta * light.beta);
         let behind = gamma * (1.0 - light.beta * cosine);
         let along = (cosine - light.beta) * gamma / behind;
         direction = picture_direction(normalize((seen - light.velocity * cosine) / behind + light.velocity * along));
-        // A black body stays a black body; its temperature is multiplied by the Doppler factor 1 / behind.
+        // The spectrum of a black body stays that of a black body. Its temperature is multiplied by the Doppler factor 1 / behind.
         shifted = (exp(DIFFUSE_EXPONENTS) - 1.0) / (exp(min(DIFFUSE_EXPONENTS * behind, vec3(87.0))) - 1.0);
     }
     return shifted * map_luminance(light.map, 0u, direction);
 }
 
-// The zodiacal light: that seen from the Earth, so it is neither aberrated nor shifted.
+// Returns the zodiacal light, which is that seen from the Earth. So it is neither aberrated nor shifted.
 fn zodiacal_luminance(light: DiffuseLight, seen: vec3<f32>) -> vec3<f32> {
     if light.zodiacal.side == 0u {
         return vec3(0.0);
@@ -43,7 +44,7 @@ fn zodiacal_luminance(light: DiffuseLight, seen: vec3<f32>) -> vec3<f32> {
     return map_luminance(light.zodiacal, light.first_zodiacal, picture_direction(towards));
 }
 
-// Luminance of a map in a direction, interpolated between four texels. `first`: index of its first texel.
+// Returns the luminance of a map in a direction, interpolated between four texels. `first`: index of its first texel.
 fn map_luminance(map: SkyMap, first: u32, direction: PictureDirection) -> vec3<f32> {
     let place = sky_place(map, direction);
     let start = first + place.first;

@@ -58,12 +58,12 @@ fn passage_of(body: ViewBody, direction: vec3<f32>) -> Passage {
     return passage;
 }
 
-// Entry point of a ray that passes within s <= 1: xyz in the body's axes and semi-axes, w: distance from the eye, m.
-// Beyond the limb: the nearest point of the limb.
+// Returns the entry point of a ray that passes within s <= 1. xyz: in the body's axes and semi-axes; w: distance from the eye, m. If the ray is
+// beyond the limb, it is the nearest point of the limb.
 fn entry_of(body: ViewBody, passage: Passage) -> vec4<f32> {
     let a = dot(passage.along, passage.along);
     let half = sqrt(max(1.0 - passage.s * passage.s, 0.0) / a);
-    // Offset from the centre's distance, as a fraction of that distance.
+    // Offset from the distance of the body's centre, as a fraction of that distance.
     let nearer = -dot(passage.beside, passage.along) / a - half;
     let point = nearer * passage.along + passage.beside;
     return vec4(normalize(point), body.distance_m * (1.0 + nearer) * length(passage.ray));

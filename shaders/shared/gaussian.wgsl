@@ -19,7 +19,7 @@ struct Gaussian {
     last: vec2<i32>,
 }
 
-// Larger and smaller angle that a pixel subtends around a direction (unit vector), rad.
+// Returns the larger and the smaller angle that a pixel subtends around a direction (unit vector), rad.
 fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -43,8 +43,8 @@ fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
             return vec2(max(sides.x, sides.y), min(sides.x, sides.y));
         }
         default: {
-            // cos(theta/2), and the radial and tangential derivatives of the mapping. Beyond the rim the values at the
-            // rim apply. If a mapping ends in an infinite derivative, the angle of its last pixel is used.
+            // cos(theta/2), and the radial and tangential derivatives of the mapping. Beyond the rim the values at the rim apply. If the derivative
+            // of a mapping is infinite at its end, the angle of its last pixel is used.
             let half = sqrt(max(0.5 * (1.0 + cosine), 0.0));
             var radial = viewport.rim;
             var across = viewport.rim;
@@ -73,8 +73,8 @@ fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
     }
 }
 
-// Squared chord between the star and the centre of a pixel of the unbounded plane, in a closed form without
-// cancellation if there is one.
+// Returns the squared chord between the star and the centre of a pixel of the unbounded plane, in a closed form without cancellation if the
+// projection has one.
 fn chord_squared(viewport: Viewport, gaussian: Gaussian, position: vec2<i32>) -> f32 {
     let offset = vec2<f32>(position) + 0.5 - gaussian.pixel;
     switch viewport.kind {
@@ -104,7 +104,7 @@ fn chord_squared(viewport: Viewport, gaussian: Gaussian, position: vec2<i32>) ->
     }
 }
 
-// Pixel of the picture; columns of an equirectangular picture wrap.
+// Returns the pixel of the picture; columns of an equirectangular picture wrap.
 fn gaussian_pixel(viewport: Viewport, position: vec2<i32>) -> vec2<i32> {
     if viewport.kind == KIND_EQUIRECTANGULAR {
         let width = i32(viewport.size.x);
@@ -113,7 +113,7 @@ fn gaussian_pixel(viewport: Viewport, position: vec2<i32>) -> vec2<i32> {
     return position;
 }
 
-// Density times solid angle, before division by the norm.
+// Returns density times solid angle, before division by the norm.
 fn gaussian_weight(viewport: Viewport, gaussian: Gaussian, position: vec2<i32>) -> f32 {
     let pixel = gaussian_pixel(viewport, position);
     if !contains(viewport, pixel) {
@@ -126,19 +126,19 @@ fn gaussian_weight(viewport: Viewport, gaussian: Gaussian, position: vec2<i32>) 
     return exp(-squared * gaussian.inverse) * solid_angle(viewport, pixel);
 }
 
-// Reach of a kernel of radius `cut` (rad) on a flat plane, pixels; at most the width of the picture.
+// Returns the reach of a kernel of radius `cut` (rad) on a flat plane, pixels; at most the width of the picture.
 fn flat_gaussian_reach(viewport: Viewport, direction: vec3<f32>, cut: f32) -> f32 {
     var reach = f32(max(viewport.size.x, viewport.size.y));
     let most = reach;
     let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
-    // The density of pixels of a flat plane grows outwards.
+    // On a flat plane, the number of pixels per angle grows outwards.
     if outwards < 1.56 {
         reach = (tan(outwards) - tan(outwards - cut)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
     }
     return min(reach, most) + 0.5;
 }
 
-// Reach in any projection, pixels. `shorter` is the smaller angle that a pixel subtends, rad.
+// Returns the reach in any projection, pixels. `shorter` is the smaller angle that a pixel subtends, rad.
 fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f32) -> f32 {
     if viewport.kind <= KIND_CUBE_FACE {
         return flat_gaussian_reach(viewport, direction, cut);
@@ -152,13 +152,13 @@ fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f
     let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
     var reach = 1.3 * cut / shorter;
     if outwards > 0.97 * PI {
-        // All of the rim is around the antipode.
+        // The whole rim is the image of the antipode.
         reach = most;
     }
     return min(reach, most) + 0.5;
 }
 
-// Kernel around the image `pixel` of a star; `sigma` and `cut` in rad.
+// Returns the kernel around the image `pixel` of a star; `sigma` and `cut` in rad.
 fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, reach: f32, sigma: f32, cut: f32) -> Gaussian {
     var gaussian: Gaussian;
     gaussian.direction = direction;
@@ -170,8 +170,7 @@ fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, r
         let rows = ceil(cut / PI * f32(size.y)) + 1.0;
         gaussian.first.y = max(i32(floor(pixel.y - rows)), 0);
         gaussian.last.y = min(i32(floor(pixel.y + rows)), size.y - 1);
-        // Range of longitudes of a circle around the star; all longitudes if the circle contains a pole or comes close
-        // to one.
+        // Range of longitudes of a circle around the star; all longitudes if the circle contains a pole or is close to one.
         let sine = length(direction.xz);
         var columns = size.x;
         if sin(min(cut, 1.5)) < 0.99 * sine && cut < 1.5 {
@@ -191,7 +190,7 @@ fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, r
     return gaussian;
 }
 
-// Part of the kernel on another face of the cube, rendered or not; empty if the kernel does not reach it.
+// Returns the part of the kernel on another face of the cube, rendered or not; empty if the kernel does not reach it.
 fn gaussian_on_face(viewport: Viewport, gaussian: Gaussian, face: u32, cut: f32) -> Gaussian {
     var on_face = gaussian;
     on_face.direction = face_from_face(face, viewport.face, gaussian.direction);
@@ -208,9 +207,8 @@ fn gaussian_on_face(viewport: Viewport, gaussian: Gaussian, face: u32, cut: f32)
     return on_face;
 }
 
-// Number of pictures over which the weights are summed for the norm. The norm is a sum over pixels if the kernel is
-// inside the picture (1) or if other pictures continue beyond its border (the faces of a cube: 6). Otherwise (0) it is
-// the integral, so that only the light outside the picture is lost.
+// Returns the number of pictures over which the weights are summed for the norm. It is 1 if the kernel is inside the picture, and 6 if other pictures
+// (the faces of a cube) continue beyond its border. If it is 0, the norm is the integral instead, so that only the light outside the picture is lost.
 fn gaussian_pictures(viewport: Viewport, gaussian: Gaussian, reach: f32) -> u32 {
     let size = vec2<i32>(viewport.size);
     var whole = viewport.kind == KIND_EQUIRECTANGULAR || viewport.full_sphere != 0u;

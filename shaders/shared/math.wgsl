@@ -1,11 +1,11 @@
-// Functions whose built-in forms are too inaccurate on some drivers. The polynomials are those of Cephes for single
-// precision, with errors of a few units in the last place.
+// Functions whose built-in forms are too inaccurate on some drivers. The polynomials are those of the Cephes library for single precision, with
+// errors of a few units in the last place.
 
 #import constants/temperatures
 
 const PI: f32 = 3.14159265358979;
 
-// Angle of the vector (x, y), both finite; 0 for the null vector.
+// Returns the angle of the vector (x, y), both finite; 0 for the null vector.
 fn precise_atan2(y: f32, x: f32) -> f32 {
     let ax = abs(x);
     let ay = abs(y);
@@ -47,19 +47,19 @@ fn precise_cos(x: f32) -> f32 {
     return precise_sin((1.5703125 - abs(x)) + 4.83826794897e-4);
 }
 
-// An integer hash with full avalanche (PCG by M. E. O'Neill, in the output form of Jarzynski and Olano 2020).
+// Returns an integer hash with full avalanche (PCG by M. E. O'Neill, in the output form of Jarzynski and Olano 2020).
 fn hash(value: u32) -> u32 {
     let state = value * 747796405u + 2891336453u;
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     return (word >> 22u) ^ word;
 }
 
-// Step of a temperature (K) on the scale, clamped to its range.
+// Returns the step of a temperature (K) on the scale, clamped to its range.
 fn step_of_temperature(kelvin: f32) -> f32 {
     return clamp(log2(max(kelvin, 1.0) / COLDEST_K) * (LAST_STEP / TEMPERATURE_OCTAVES), 0.0, LAST_STEP);
 }
 
-// Temperature of a step, K.
+// Returns the temperature of a step, K.
 fn temperature_of_step(step: u32) -> f32 {
     return COLDEST_K * exp2(f32(step) * (TEMPERATURE_OCTAVES / LAST_STEP));
 }

@@ -20,8 +20,8 @@ override HAS_GEOMETRY: bool = false;
 // Distance of objects at infinity, m.
 const INFINITELY_FAR_M: f32 = 3e38;
 
-// Whether the block that contains a pixel of a tile is plain: nothing hides a star there. Its flag is more often in the cache of a
-// CPU than the pixel of the geometry.
+// Whether the block that contains a pixel of a tile is plain, so that nothing hides a star in it. The flag of a block is more often in the cache of a
+// CPU than the geometry of a pixel.
 fn is_in_plain_block(viewport: u32, pixel: vec2<u32>) -> bool {
     let grid = plain_grids[viewport];
     if grid.first == NO_POINTS {
@@ -31,14 +31,14 @@ fn is_in_plain_block(viewport: u32, pixel: vec2<u32>) -> bool {
     return (flags & (BLOCK_IS_MIXED | BLOCK_IS_OUTSIDE)) == 0u;
 }
 
-// Visible share of a point of light at the distance `distance_m` whose image is at `pixel`. Occlusion by bodies is
-// exact, 0 or 1; occlusion by asteroids is the coverage of the pixel.
+// Returns the visible share of a point of light at the distance `distance_m` whose image is at `pixel`. Occlusion by bodies is exact, 0 or 1;
+// occlusion by asteroids is the coverage of the pixel.
 fn visible_share(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, distance_m: f32) -> f32 {
     let own_pixel = settle(viewport, vec2<i32>(floor(pixel)));
     let row = own_pixel.y - i32(tile.first_row);
     var word = COVER_LIMB;
     if own_pixel.x >= 0 {
-        // In another tile, occlusion is tested against the bodies; for asteroids the nearest row of this tile is used.
+        // If the image is in another tile, occlusion is tested against the bodies. For asteroids, the nearest row of this tile is used.
         let inside = row >= 0 && row < i32(tile.rows);
         if inside && is_in_plain_block(tile.viewport, vec2<u32>(own_pixel)) {
             return 1.0;

@@ -6,7 +6,7 @@
 // Whether the frame has plain blocks.
 override HAS_PLAIN: bool = false;
 
-// Flags of the block that contains a pixel of a picture.
+// Returns the flags of the block that contains a pixel of a picture.
 fn block_flags(viewport: u32, pixel: vec2<u32>) -> u32 {
     if !HAS_PLAIN {
         return BLOCK_IS_MIXED;

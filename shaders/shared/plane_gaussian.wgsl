@@ -1,7 +1,6 @@
-// Kernel of `auto` for stars so bright that the B-spline would flicker visibly: along each axis a mixture of the
-// B-spline and a Gaussian of 0.757 pixels, sampled at the centres of seven pixels. Both keep the centroid and the
-// width. The share of the Gaussian grows with brightness, so there is no jump at the transition from the B-spline. The
-// f64 twin is `bright_kernel` in crates/sky/src/photometry/kernel.rs.
+// Kernel of `auto` for stars so bright that the B-spline would flicker visibly: along each axis a mixture of the B-spline and a Gaussian of 0.757
+// pixels, sampled at the centres of seven pixels. Both keep the centroid and the width. The share of the Gaussian grows with brightness, so there is
+// no jump between stars with the B-spline and stars with this kernel. The f64 twin is `bright_kernel` in crates/sky/src/photometry/kernel.rs.
 
 #import constants/kernels
 #import shared/projection
@@ -11,18 +10,18 @@
 const PLANE_GAUSSIAN_INVERSE: f32 = 0.872526;
 const PLANE_GAUSSIAN_PEAK: f32 = 0.527005;
 
-// Share of the Gaussian for a star whose illuminance per solid angle of a pixel is `peak`.
+// Returns the share of the Gaussian for a star whose illuminance per solid angle of a pixel is `peak`.
 fn gaussian_part(viewport: Viewport, peak: f32) -> f32 {
     let brighter = peak / max(viewport.gaussian_from_cd_m2, 1e-30);
     return smoothstep(0.0, 1.0, log2(max(brighter, 1e-30)) / log2(PLANE_GAUSSIAN_GROWTH));
 }
 
-// First pixel of the kernel along one axis.
+// Returns the first pixel of the kernel along one axis.
 fn plane_first(x: f32) -> f32 {
     return floor(x) - 3.0;
 }
 
-// Weight of a pixel along one axis.
+// Returns the weight of a pixel along one axis.
 fn plane_density(x: f32, pixel: f32, part: f32) -> f32 {
     let offset = abs(pixel + 0.5 - x);
     let beside = max(1.5 - offset, 0.0);
@@ -30,7 +29,7 @@ fn plane_density(x: f32, pixel: f32, part: f32) -> f32 {
     return mix(spline, PLANE_GAUSSIAN_PEAK * exp(-PLANE_GAUSSIAN_INVERSE * offset * offset), part);
 }
 
-// Sums of weights along one axis: of all weights, and of those within 0 .. n.
+// Returns two sums of weights along one axis: of all weights, and of those of the pixels 0 .. n.
 fn plane_sums(viewport: Viewport, x: f32, n: u32, part: f32) -> vec2<f32> {
     let first = plane_first(x);
     let pixels = turns(viewport, PLANE_GAUSSIAN_PIXELS);
@@ -43,7 +42,7 @@ fn plane_sums(viewport: Viewport, x: f32, n: u32, part: f32) -> vec2<f32> {
     return sums;
 }
 
-// Share of the kernel inside any of the six faces of the cube.
+// Returns the share of the kernel inside any of the six faces of the cube.
 fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> f32 {
     var total = 0.0;
     let faces = u32(turns(viewport, 6));
@@ -58,7 +57,7 @@ fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> 
     return total;
 }
 
-// Share of the kernel inside a round or tabulated picture.
+// Returns the share of the kernel inside a round or tabulated picture.
 fn plane_weight_in_circle(viewport: Viewport, pixel: vec2<f32>, part: f32) -> f32 {
     let first = vec2(plane_first(pixel.x), plane_first(pixel.y));
     var total = 0.0;

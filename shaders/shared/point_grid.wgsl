@@ -1,12 +1,11 @@
-// Light that is smooth from pixel to pixel: evaluated at a grid of points over a picture, and interpolated. The
-// importer binds `grid_points`.
+// Light that is smooth from pixel to pixel. It is evaluated at a grid of points over a picture, and interpolated. The importer binds `grid_points`.
 
 #import structs/PointGrid
 
 // Column of a picture's pixels that is being read.
 struct GridColumn {
     grid: PointGrid,
-    // Column of grid points to the left, and fraction of the way to the next one.
+    // Column of grid points to the left of it, and fraction of the way to the next column.
     left: u32,
     share: f32,
     // Row of points for which `top` and `bottom` are stored; negative: none.
@@ -29,10 +28,10 @@ fn between_points(column: GridColumn, row: u32) -> vec3<f32> {
     return mix(grid_points[point].xyz, grid_points[point + 1u].xyz, column.share);
 }
 
-// Luminance in a row of the picture, cd/m^2.
+// Returns the luminance in a row of the picture, cd/m^2.
 fn grid_in_row(column: ptr<function, GridColumn>, y: u32) -> vec3<f32> {
-    // A multiplication instead of an integer division, which CPUs do one lane at a time. It is exact, since the value
-    // is half a step away from the next integer.
+    // This multiplication replaces an integer division, which CPUs compute one lane at a time. It is exact, since the value is half a step away from
+    // the next integer.
     let grid_row = (f32(y) + 0.5) / f32((*column).grid.spacing);
     let above = floor(grid_row);
     if above != (*column).held {

@@ -6,18 +6,17 @@
 #import tabulated = shared/tabulated_off | shared/tabulated
 #import shared/viewport
 
-// Continuous pixel coordinates, on a flat plane, of the image of a direction in view space (any length but 0); z = 1 if
-// it exists.
+// Returns the continuous pixel coordinates, on a flat plane, of the image of a direction in view space (any length but 0); z = 1 if it exists.
 fn flat_pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
     if direction.z >= 0.0 {
         return vec3(0.0);
     }
     let pixel = viewport.plane_offset + direction.xy * viewport.plane_scale / -direction.z;
-    // The image of a direction almost in the eye's plane is too far away to be represented.
+    // The image of a direction close to the eye's plane is too far away to be represented.
     return vec3(pixel, select(0.0, 1.0, all(abs(pixel) < vec2(1e9))));
 }
 
-// Continuous pixel coordinates in any projection.
+// Returns the continuous pixel coordinates in any projection.
 fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -46,7 +45,7 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
                     rho = precise_atan2(across, -direction.z) / viewport.rim;
                 }
                 case KIND_EQUISOLID: {
-                    // sin(theta/2), on each hemisphere in the form that does not cancel.
+                    // sin(theta/2). Each hemisphere uses the form that does not cancel.
                     let distance = length(direction);
                     rho = select(
                         across * inverseSqrt(2.0 * distance * (distance - direction.z)),
@@ -60,7 +59,7 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
                     rho = across / length(direction) / viewport.rim;
                 }
                 default: {
-                    // tan(theta/2), also in the form that does not cancel.
+                    // tan(theta/2), in the form that does not cancel.
                     let distance = length(direction);
                     rho = select(across / (distance - direction.z), (distance + direction.z) / max(across, 1e-30), direction.z > 0.0)
                         / viewport.rim;
@@ -72,7 +71,7 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
     }
 }
 
-// Unit direction in view space of a pixel coordinate of the picture; w = 0 outside it.
+// Returns the unit direction in view space of a pixel coordinate of the picture; w = 0 outside it.
 fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     if any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size)) {
         return vec4(0.0);
@@ -88,8 +87,8 @@ fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     return vec4(direction_of_point(viewport, pixel), 1.0);
 }
 
-// Unit direction in view space of a point of the plane. Beyond the picture the mapping is continued as far as it is
-// defined; beyond that, the direction at its end is returned.
+// Returns the unit direction in view space of a point of the plane. Outside the picture the mapping is continued as far as it is defined. Beyond
+// that, the direction at its end is returned.
 fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -143,7 +142,7 @@ fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     }
 }
 
-// Twice the offset of the pixel's centre from the image's centre: integers, so that further computation is exact.
+// Returns twice the offset of the pixel's centre from the image's centre. Both components are integers, so that further computation is exact.
 fn doubled_offset(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
     return 2 * pixel + vec2(1) - vec2<i32>(viewport.size);
 }
@@ -170,8 +169,8 @@ fn contains(viewport: Viewport, pixel: vec2<i32>) -> bool {
     return true;
 }
 
-// Solid angle per unit area of the plane (of tangents, or of the unit circle). `p` in units of the plane;
-// `rho_complement` = 1 - |p|^2 for fisheye pictures.
+// Returns the solid angle per unit area of the plane (of tangents, or of the unit circle). `p` in units of the plane; `rho_complement` = 1 - |p|^2
+// for fisheye pictures.
 fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) -> f32 {
     switch viewport.kind {
         case KIND_EQUIDISTANT: {
@@ -203,8 +202,8 @@ fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) ->
     }
 }
 
-// Solid angle of a pixel of a flat plane, sr: the density and its second-order term over the pixel, h^2 (f_xx + f_yy) /
-// 24 with f = (1 + x^2 + y^2)^(-3/2).
+// Returns the solid angle of a pixel of a flat plane, sr: the density and its second-order term over the pixel, h^2 (f_xx + f_yy) / 24 with f = (1 +
+// x^2 + y^2)^(-3/2).
 fn flat_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     let inverse_scale = 1.0 / viewport.plane_scale;
     let t = (vec2<f32>(pixel) + 0.5 - viewport.plane_offset) * inverse_scale;
@@ -221,7 +220,7 @@ fn is_flat(viewport: Viewport) -> bool {
     return viewport.kind <= KIND_CUBE_FACE && viewport.quadrature == 0u;
 }
 
-// Solid angle of a pixel, sr; 0 outside the picture. The pixel must be inside the image.
+// Returns the solid angle of a pixel, sr; 0 outside the picture. The pixel must be inside the image.
 fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -250,9 +249,8 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
         }
         let complement = f32(n * n - squared) / f32(n * n);
         let p = vec2<f32>(doubled) / f32(n);
-        // Towards the orthographic rim the density grows without bound: average nine points within 64 pixels of it.
-        // Within 1.5 pixels of the rim (including the rim of a full sphere), some points would be outside, so the value
-        // at the centre is used.
+        // Towards the orthographic rim the density grows without bound, so nine points are averaged within 64 pixels of it. Within 1.5 pixels of any
+        // rim (including that of a full sphere), some of the points would be outside, so the value at the centre is used.
         let orthographic = viewport.kind == KIND_ORTHOGRAPHIC;
         let steep = orthographic && squared > max(n - 128, 0) * max(n - 128, 0);
         let at_rim = (orthographic || viewport.full_sphere != 0u) && squared > (n - 3) * (n - 3);
@@ -266,7 +264,7 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     return area * averaged_density(viewport, t, step);
 }
 
-// Gauss-Legendre mean of the density over a pixel, three points in each direction.
+// Returns the Gauss-Legendre mean of the density over a pixel, three points in each direction.
 fn averaged_density(viewport: Viewport, centre: vec2<f32>, step: vec2<f32>) -> f32 {
     var sum = 0.0;
     let end = turns(viewport, 2);
@@ -280,7 +278,7 @@ fn averaged_density(viewport: Viewport, centre: vec2<f32>, step: vec2<f32>) -> f
     return sum;
 }
 
-// Cube face that contains a direction (any length but 0).
+// Returns the cube face that contains a direction (any length but 0).
 fn cube_face_of(direction: vec3<f32>) -> u32 {
     let size = abs(direction);
     if size.z >= size.x && size.z >= size.y {

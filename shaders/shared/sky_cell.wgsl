@@ -3,13 +3,13 @@
 
 #import constants/plain_blocks
 
-// Places in a picture of the map, texels from the centre of the first one.
+// Places of the corners in a picture of the map, texels from the centre of its first texel.
 struct SkyCell {
     // Index of the first texel of the picture.
     first: u32,
     // Width of the picture, texels.
     width: u32,
-    // Left and right corner above, then those below.
+    // The left and the right corner above, then those below.
     top: vec4<f32>,
     bottom: vec4<f32>,
 }
@@ -21,7 +21,7 @@ fn index_entry(first: u32, width: u32) -> vec4<f32> {
     return vec4(f32(first >> INDEX_BITS), f32(first & ((1u << INDEX_BITS) - 1u)), f32(width), 0.0);
 }
 
-// The cell whose entries begin at `entry`.
+// Returns the cell whose entries begin at `entry`.
 fn sky_cell(entry: u32) -> SkyCell {
     let index = grid_points[entry];
     let first = (u32(index.x) << INDEX_BITS) | u32(index.y);

@@ -13,7 +13,7 @@ struct SkyPicture {
     piece: Piece,
 }
 
-// The picture that contains a direction.
+// Returns the picture that contains a direction.
 fn sky_picture(map: SkyMap, direction: PictureDirection) -> SkyPicture {
     var picture: SkyPicture;
     if map.pieces_per_edge > 0u {
@@ -26,7 +26,7 @@ fn sky_picture(map: SkyMap, direction: PictureDirection) -> SkyPicture {
     return picture;
 }
 
-// Position of a direction in a picture, texels from the centre of the first one.
+// Returns the position of a direction in a picture, texels from the centre of the first one.
 fn place_in_picture(map: SkyMap, picture: SkyPicture, direction: PictureDirection) -> vec2<f32> {
     if map.pieces_per_edge > 0u {
         return place_in_piece(picture.piece, direction_of_picture(direction));
@@ -34,7 +34,7 @@ fn place_in_picture(map: SkyMap, picture: SkyPicture, direction: PictureDirectio
     return place_in_face(map, direction);
 }
 
-// Luminance at a position in a picture, cd/m^2, interpolated between four texels. `first`: index of its first texel; `width`: texels.
+// Returns the luminance at a position in a picture, cd/m^2, interpolated between four texels. `first`: index of its first texel; `width`: texels.
 fn light_in_picture(map: SkyMap, first: u32, width: u32, place: vec2<f32>) -> vec3<f32> {
     let corner = floor(place);
     let share = place - corner;

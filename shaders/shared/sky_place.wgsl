@@ -49,7 +49,7 @@ fn picture_direction(towards: vec3<f32>) -> PictureDirection {
     return PictureDirection(face.number, vec2(face.right, -face.up) * select(angle / across, 1.0, across < 1e-6));
 }
 
-// The unit direction, world axes, of an offset from the centre of a picture.
+// Returns the unit direction, world axes, of an offset from the centre of a picture.
 fn direction_of_picture(direction: PictureDirection) -> vec3<f32> {
     let angle = length(direction.offset);
     let across = direction.offset * select(precise_sin(angle) / angle, 1.0, angle < 1e-6);
@@ -60,12 +60,12 @@ fn direction_of_picture(direction: PictureDirection) -> vec3<f32> {
     return select(select(along.yzx, along.zxy, axis == 1u), along, axis == 0u);
 }
 
-// Position of a direction in its picture: texels from the centre of the first one.
+// Returns the position of a direction in its picture: texels from the centre of the first one.
 fn place_in_face(map: SkyMap, direction: PictureDirection) -> vec2<f32> {
     return 0.5 * f32(map.side) - 0.5 + direction.offset * map.texels_per_rad;
 }
 
-// Texel position of a direction in the pictures of a map.
+// Returns the texel position of a direction in the pictures of a map.
 fn sky_place(map: SkyMap, direction: PictureDirection) -> TexelPlace {
     let place = place_in_face(map, direction);
     let corner = floor(place);

@@ -6,7 +6,7 @@ const MOST_EXPONENT: i32 = 16;
 
 fn texel_of(light: vec3<f32>) -> u32 {
     let most = clamp(max(light.x, max(light.y, light.z)), 0.0, 65408.0);
-    // The mantissa is from 1 to 2; it is halved, which leaves one bit for rounding up.
+    // The mantissa is from 1 to 2. Halving it leaves one bit for rounding up.
     var exponent = max(i32(bitcast<u32>(most) >> 23u) - 126, LEAST_EXPONENT);
     let unit_scale = bitcast<f32>(u32(127 + 9 - exponent) << 23u);
     if floor(most * unit_scale + 0.5) > 511.0 {

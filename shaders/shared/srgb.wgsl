@@ -1,6 +1,6 @@
-// sRGB transfer functions: powers as polynomials in roots, accurate to 4e-7. A root is one instruction on CPUs and
-// GPUs, while `pow` is a logarithm and an exponential. The polynomials are minimax fits around the middle of their
-// range, so that rounding does not add to their error. The f64 twin, with powers, is crates/sky/src/photometry/tone_map.rs.
+// sRGB transfer functions: powers as polynomials in roots, accurate to 4e-7. A root is one instruction on CPUs and GPUs, while `pow` consists of a
+// logarithm and an exponential. The polynomials are minimax fits around the middle of their range, so that rounding does not add to their error. The
+// f64 twin, with powers, is crates/sky/src/photometry/tone_map.rs.
 
 fn srgb_from_linear(value: vec3<f32>) -> vec3<f32> {
     let x = clamp(value, vec3(0.0), vec3(1.0));
@@ -11,7 +11,7 @@ fn srgb_from_linear(value: vec3<f32>) -> vec3<f32> {
     return select(min(upper, vec3(1.0)), 12.92 * x, x <= vec3(0.0031308));
 }
 
-// Inverse, for values from 0 to 1.
+// Returns the inverse function for values from 0 to 1.
 fn linear_from_srgb(value: vec3<f32>) -> vec3<f32> {
     // u^2.4 = u^2 s^(4/5) with s = u^(1/2).
     let u = value * (1.0 / 1.055) + 0.055 / 1.055;

@@ -1,1 +1,1 @@
-// Replaces shared/tabulated if no picture is tabulated.
+// Replaces shared/tabulated.wgsl if no picture is tabulated.

@@ -15,7 +15,7 @@
 // By viewport.
 @group(0) @binding(4) var<uniform> pictures: array<PackedPicture, MAX_VIEWPORTS>;
 
-// Light of a pixel of a picture, texel units; 0 outside of its tile.
+// Returns the light of a pixel of a picture, texel units; 0 outside of its tile.
 fn light_at(tile: Tile, width: u32, x: i32, row: i32) -> vec3<f32> {
     if x < 0 || x >= i32(width) || row < 0 || row >= i32(tile.rows) {
         return vec3(0.0);
@@ -29,13 +29,13 @@ fn light_at(tile: Tile, width: u32, x: i32, row: i32) -> vec3<f32> {
     return vec3(red_green, pixels[parameters.plane_pixels + index].x) * parameters.units_per_cd_m2;
 }
 
-// The weighted mean of five values in a line.
+// Returns the weighted mean of five values in a line.
 fn blurred(values: array<vec3<f32>, 5>) -> vec3<f32> {
     let centre = 1.0 - 2.0 * (parameters.blur.x + parameters.blur.y);
     return centre * values[2] + parameters.blur.x * (values[1] + values[3]) + parameters.blur.y * (values[0] + values[4]);
 }
 
-// The same along a row.
+// Returns the same for values along a row.
 fn blurred_row(tile: Tile, width: u32, x: i32, row: i32) -> vec3<f32> {
     return blurred(array(
         light_at(tile, width, x - 2, row),
@@ -65,7 +65,7 @@ fn pack_texels(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         }
         return;
     }
-    // Five rows around the next one.
+    // Five blurred rows: the next one and its neighbours.
     var rows: array<vec3<f32>, 5>;
     for (var i = 0; i < 4; i++) {
         rows[i + 1] = blurred_row(tile, picture.width, x, first_row - 2 + i);

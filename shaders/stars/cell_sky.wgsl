@@ -1,5 +1,5 @@
 // The procedural sky of "Rendering a Billion Stars?": one star per cell of a distorted cube grid, in several layers.
-// crates/render/src/reference/stars/cell_sky.rs is the same in f64 and explains it.
+// crates/render/src/reference/stars/cell_sky.rs does the same in f64 and explains the method.
 
 #import constants/cell_sky
 #import shared/math
@@ -37,7 +37,7 @@ fn cell_sky_place(d: vec3<f32>) -> CellSkyPlace {
     return CellSkyPlace(5u, vec2<f32>(d.x, -d.z) / a.y);
 }
 
-// Unit direction of a position on a face.
+// Returns the unit direction of a position on a face.
 fn cell_sky_direction(face: u32, uv: vec2<f32>) -> vec3<f32> {
     var d = vec3<f32>(uv.x, uv.y, -1.0);
     if face == 1u {
@@ -54,12 +54,12 @@ fn cell_sky_direction(face: u32, uv: vec2<f32>) -> vec3<f32> {
     return normalize(d);
 }
 
-// The published distortion.
+// Returns the published distortion.
 fn cell_sky_distort(uv: vec2<f32>) -> vec2<f32> {
     return uv * sqrt(2.0 - max(abs(uv.x), abs(uv.y)));
 }
 
-// Inverse of the distortion: solves m sqrt(2 - m) = target by Newton's method.
+// Returns the inverse of the distortion: solves m sqrt(2 - m) = target by Newton's method.
 fn cell_sky_straighten(uv: vec2<f32>) -> vec2<f32> {
     let wanted = max(abs(uv.x), abs(uv.y));
     var m = wanted * 0.85;
@@ -70,12 +70,12 @@ fn cell_sky_straighten(uv: vec2<f32>) -> vec2<f32> {
     return uv / sqrt(2.0 - m);
 }
 
-// Number in [0, 1), exact in f32.
+// Returns a number in [0, 1), exact in f32.
 fn cell_sky_unit(bits: u32) -> f32 {
     return f32(bits >> 8u) * 5.9604644775390625e-8;
 }
 
-// Relative brightness (display white = 1) in an ICRS direction, for pixels of pixel_rad at the centre of the view.
+// Returns the relative brightness (display white = 1) in an ICRS direction, for pixels of pixel_rad at the centre of the view.
 fn cell_sky_brightness(
     direction: vec3<f32>,
     pixel_rad: f32,
@@ -104,7 +104,7 @@ fn cell_sky_brightness(
         if cell_sky_unit(hash(key + 2u)) >= density {
             continue;
         }
-        // The number of stars falls as brightness^-2.5, between the faintest and 1.
+        // The number of stars per interval of brightness is proportional to brightness^-2.5, from the faintest brightness to 1.
         let range = 1.0 - pow(CELL_SKY_FAINTEST, 1.5);
         let brightness = CELL_SKY_FAINTEST * pow(1.0 - cell_sky_unit(hash(key + 3u)) * range, -2.0 / 3.0);
         let warmth = 2.0 * cell_sky_unit(hash(key + 4u));

@@ -1,6 +1,5 @@
-// The resolve pass of methods that output luminance instead of illuminance: writes the luminance and solid angle of
-// each pixel to where the exposure and tone-mapping passes read them, and sums its illuminance. The chosen source
-// provides the luminance of a pixel.
+// The resolve pass of methods that output luminance instead of illuminance: writes the luminance and solid angle of each pixel to the buffer that the
+// exposure and tone-mapping passes read, and sums the illuminance. The chosen source provides the luminance of a pixel.
 
 #import constants/frame_lists
 #import constants/pixel_grid

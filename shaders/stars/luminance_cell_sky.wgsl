@@ -1,5 +1,4 @@
-// The procedural sky: evaluated in the direction of every pixel's centre, in any projection. No earlier pass draws
-// anything.
+// The procedural sky: evaluated in the direction of every pixel's centre, in any projection. It does not read the result of an earlier pass.
 
 #import shared/projection
 #import shared/viewport

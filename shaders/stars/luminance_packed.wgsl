@@ -4,7 +4,7 @@
 #import shared/viewport
 
 @group(1) @binding(0) var<storage, read> packed: array<u32>;
-// Colours of luminance 1 from 500 to 100000 K on a logarithmic scale.
+// Colours of luminance 1 for temperatures from 500 to 100000 K, on a logarithmic scale.
 @group(1) @binding(1) var<storage, read> colours: array<vec4<f32>>;
 
 fn luminance_of(viewport: Viewport, index: u32, pixel: vec2<i32>) -> vec3<f32> {

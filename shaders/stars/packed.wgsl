@@ -1,4 +1,4 @@
-// The star pass as published with "Smaller than Pixels": one thread per star of the catalogue, once per view.
+// The star pass as published with "Smaller than Pixels". It has one thread per star of the catalogue, and runs once per view.
 
 #import constants/workgroups
 #import shared/projection

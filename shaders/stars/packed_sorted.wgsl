@@ -1,5 +1,4 @@
-// The published splat on culled and sorted stars, to measure its cost without that of drawing the whole unsorted
-// catalogue.
+// The published splat on culled and sorted stars, to measure the cost of the splat without the cost of drawing the whole unsorted catalogue.
 
 #import constants/star_forms
 #import constants/star_light

@@ -1,5 +1,5 @@
-// The published splat: four pixels with luminance and temperature as two half floats in one word, updated by
-// compare-exchange until no other thread has interfered.
+// The published splat: it lights four pixels, each with luminance and temperature as two half floats in one word. A word is updated by
+// compare-exchange, repeated until no other thread has interfered.
 
 #import constants/counters
 #import constants/frame_lists
@@ -15,7 +15,7 @@
 // Greatest half float.
 const MOST: f32 = 65504.0;
 
-// Adds luminance (cd/m^2) to a pixel; its temperature (K) becomes the mean of both, weighted by luminance.
+// Adds luminance (cd/m^2) to a pixel. The pixel's temperature (K) becomes the mean of the old and the new one, weighted by luminance.
 fn add_packed(pixel: u32, luminance: f32, temperature: f32) {
     var old = atomicLoad(&packed[pixel]);
     loop {

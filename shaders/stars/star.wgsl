@@ -12,7 +12,7 @@ struct Star {
     light: u32,
 }
 
-// Illuminance at 1 pc, lx; for stars at infinity, their actual illuminance.
+// Returns the illuminance at 1 pc, lx; for stars at infinity, their actual illuminance.
 fn illuminance_at_1_pc(star: Star) -> f32 {
     return bitcast<f32>(((star.light >> TEMPERATURE_BITS) << 9u) + (EXPONENT_BIAS << 23u));
 }

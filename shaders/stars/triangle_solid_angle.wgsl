@@ -4,12 +4,12 @@
 #import shared/projection
 #import shared/viewport
 
-// Solid angle of the spherical triangle between three unit vectors (van Oosterom and Strackee 1983), sr.
+// Returns the solid angle of the spherical triangle between three unit vectors (van Oosterom and Strackee 1983), sr.
 fn triangle_solid_angle(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> f32 {
     return 2.0 * atan2(abs(dot(a, cross(b, c))), 1.0 + dot(a, b) + dot(b, c) + dot(c, a));
 }
 
-// Solid angle of a pixel; if a corner is outside the picture, the closed form.
+// Returns the solid angle of a pixel. If a corner is outside the picture, it is that of the closed form.
 fn pixel_of_triangles(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     let corner = vec2<f32>(pixel);
     let top_left = direction_from_pixel(viewport, corner);

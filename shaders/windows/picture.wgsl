@@ -1,7 +1,6 @@
-// Draws an image into a window. If sizes are equal, pixels are copied. Otherwise a pixel of the window is the mean of
-// the image over a square of its size, but at least one pixel of the image: this is linear interpolation for
-// magnified images, and it preserves the light of stars in reduced images. Means are computed in linear light. The
-// vertices come from shared/whole_target.wgsl.
+// Draws an image into a window. If the sizes are equal, pixels are copied. Otherwise each pixel of the window is the mean of the image over a square.
+// The square has the size of the window's pixel, but at least that of one pixel of the image. For magnified images this is linear interpolation, and
+// in reduced images it preserves the light of stars. Means are computed in linear light. The vertices come from shared/whole_target.wgsl.
 
 #import shared/srgb
 
@@ -23,7 +22,7 @@ fn light_at(place: vec2<i32>) -> vec3<f32> {
     return value;
 }
 
-// Overlap of an image pixel with the range between two positions along an axis.
+// Returns the overlap of an image pixel with the range between two positions along an axis.
 fn covered(pixel: i32, from_place: f32, to_place: f32) -> f32 {
     return max(min(f32(pixel) + 1.0, to_place) - max(f32(pixel), from_place), 0.0);
 }

@@ -62,7 +62,7 @@ fn view_name(view: ViewShape) -> String {
     }
 }
 
-/// Cost of a method's last frame, with its number of asteroids and pixels.
+/// Cost of a method's last frame, with the numbers of asteroids and pixels in that frame.
 #[derive(Clone, Copy)]
 struct Known {
     took: Duration,
@@ -78,7 +78,7 @@ pub(super) fn run(
 ) -> Result<Vec<Row>, ChartError> {
     let extent = &extent.asteroids;
     let variants = Variant::all();
-    // All numbers in the first view, one number in each of the others.
+    // The first view is timed with all numbers of asteroids, each of the others with one number.
     let workloads: Vec<Workload> = extent
         .instances
         .iter()

@@ -1,4 +1,5 @@
-//! Deep stores on the axis `scale`: display frames of stores of growing size, their reads and memory, and their error against every star.
+//! Deep stores on the axis `scale`: measures display frames of stores of growing size, their reads and memory, and their error relative to a frame of
+//! every star.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -29,7 +30,7 @@ use crate::{
 
 /// Exposure, EV at ISO 100: a dark sky.
 const EV100: f64 = -5.4;
-/// Stores with more stars are not compared with a frame of every star: it takes minutes and many GiB.
+/// Stores with more stars are not compared with a frame of every star, because such a frame takes minutes and many GiB.
 const MOST_COMPARED: u64 = 100_000_000;
 /// Memory for the pages of a frame that draws every star.
 const EVERY_STAR: MemorySize = MemorySize::gib(4);
@@ -39,11 +40,11 @@ const MAKING: MemorySize = MemorySize::gib(1);
 /// Figure of a row of a deep store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeepMetric {
-    /// Error that 99.9 % of the channels of the display image do not exceed, codes of 8 bits.
+    /// Error that 99.9 % of the channels of the display image do not exceed, 8-bit codes.
     Error999Codes,
-    /// Largest error of the display image, codes of 8 bits.
+    /// Largest error of the display image, 8-bit codes.
     ErrorLargestCodes,
-    /// What was read for the first frame, MiB.
+    /// Data read for the first frame, MiB.
     ReadMib,
     /// Memory of the resident stars and of the pages, MiB.
     MemoryMib,
@@ -64,9 +65,9 @@ impl DeepMetric {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Error999Codes => {
-                "error that 99.9 % of the channels do not exceed, against a frame of every star, codes of 8 bits before rounding"
+                "error that 99.9 % of the channels do not exceed, relative to a frame of every star, 8-bit codes before rounding"
             }
-            Self::ErrorLargestCodes => "the largest error, codes of 8 bits before rounding",
+            Self::ErrorLargestCodes => "the largest error, 8-bit codes before rounding",
             Self::ReadMib => "data read from leaves and planes for the first frame, MiB",
             Self::MemoryMib => "resident stars, and pages in memory, MiB",
             Self::Drawn => "stars and composite stars that a frame draws one by one; the others are in a map",
@@ -112,7 +113,7 @@ fn make(stars: usize, out: &Path) -> Result<(), ChartError> {
     Ok(())
 }
 
-/// The rows of a store.
+/// Measures a store and returns its rows.
 fn of_store(renderer: &mut Renderer, folder: &Path, rounds: usize, budget: Budget) -> Result<Vec<Row>, ChartError> {
     let mut rows = Vec::new();
     for (index, (series, view)) in VIEWS.into_iter().enumerate() {
@@ -149,12 +150,12 @@ struct Measured {
     read_mib: Option<f64>,
     memory_mib: f64,
     drawn: Option<f64>,
-    /// Error of 99.9 % of the channels, and the largest; or why there is none.
+    /// Error that 99.9 % of the channels do not exceed, and the largest error; or the reason why there is none.
     errors: Result<[f64; 2], String>,
 }
 
 impl Measured {
-    /// Value of a metric, or the reason why there is none.
+    /// Returns the value of a metric and a note, which is the reason if there is no value.
     fn figure(&self, metric: DeepMetric) -> (Option<f64>, String) {
         let error = |index: usize| match &self.errors {
             Ok(errors) => (Some(errors[index]), String::new()),
@@ -208,7 +209,7 @@ fn measure(
     Ok(Measured { timed, read_mib: read.map(mib), memory_mib, drawn, errors })
 }
 
-/// Errors of the display image against every star.
+/// Measures the errors of the display image relative to a frame of every star.
 fn errors(
     renderer: &mut Renderer,
     (scene, rig): (&SceneSnapshot, &Rig),

@@ -1,9 +1,9 @@
-//! Errors of display images against exact frames, before rounding.
+//! Errors of display images relative to exact frames, before rounding.
 
 use crate::{photometry::exposure::white_luminance_cd_m2, plan::settings::RenderSettings, render::Frame};
 
-/// Differences: the display values of a frame's HDR images minus those of an exact frame. Both use the exposure of the exact frame. Codes of 8 bits
-/// before rounding, by image, pixel and channel. Images without HDR pixels are empty.
+/// Returns the display values of a frame's HDR images minus those of an exact frame, in 8-bit codes before rounding, by image, pixel and channel.
+/// Both use the exposure of the exact frame. The list of an image without HDR pixels is empty.
 pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> Vec<Vec<[f64; 3]>> {
     let white = white_luminance_cd_m2(exact.exposure_ev100);
     let code = |[r, g, b, _]: &[f32; 4]| {
@@ -22,7 +22,7 @@ pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> V
         .collect()
 }
 
-/// Errors of display values against exact frames, in codes of 8 bits before rounding.
+/// Errors of display values relative to exact frames, in 8-bit codes before rounding.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DisplayErrors {
     /// Absolute errors of all channels of all pixels, ascending.
@@ -32,7 +32,7 @@ pub struct DisplayErrors {
 }
 
 impl DisplayErrors {
-    /// Compares two frames, in the pixels inside of the pictures.
+    /// Compares two frames in the pixels within the pictures.
     pub fn between(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> Self {
         let mut codes: Vec<f64> = Vec::new();
         let (mut worst, mut largest) = ([0; 3], 0.0);
@@ -52,13 +52,13 @@ impl DisplayErrors {
         Self { codes, worst }
     }
 
-    /// Returns the error that a share (0 to 1) of the channels does not exceed; NaN without pixels.
+    /// Returns the error that a share (0 to 1) of the channels does not exceed; NaN if there are no pixels.
     pub fn quantile(&self, share: f64) -> f64 {
         let index = (self.codes.len().saturating_sub(1) as f64 * share) as usize;
         self.codes.get(index).copied().unwrap_or(f64::NAN)
     }
 
-    /// Returns the root mean square of the errors; NaN without pixels.
+    /// Returns the root mean square of the errors; NaN if there are no pixels.
     pub fn rms(&self) -> f64 {
         (self.codes.iter().map(|error| error * error).sum::<f64>() / self.codes.len() as f64).sqrt()
     }

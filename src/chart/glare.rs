@@ -1,10 +1,9 @@
 //! The axis `glare`: times every glare method in every projection, and measures errors against the reference.
 //!
-//! The time covers the glare passes only; the notes give the time of the whole frame. Data that a method keeps between
-//! frames is kept: in every turn a method draws one frame that is not counted and then one with the camera turned a
-//! little, which is counted. For the latter, `sky_cube` reuses its map of the sky. As `sky_cube_in_flight` it draws a
-//! third frame from another place, which needs a new map; the CPU time for the map, measured as the difference of the
-//! planning times of both frames, is part of its time.
+//! The time covers the glare passes only; the notes give the time of the whole frame. Methods may keep data between frames: in every turn, a method
+//! draws one frame that is not counted, and then one with the camera turned a little, which is counted. For the second frame, `sky_cube` reuses its
+//! map of the sky. The variant `sky_cube_in_flight` draws a third frame from another place, which needs a new map. Its time includes the CPU time for
+//! the map, measured as the difference between the planning times of the second and the third frame.
 //!
 //! Errors are measured in smaller views of the same projections, in which every compared pixel can be compared with
 //! every star.
@@ -62,7 +61,7 @@ fn variants() -> Vec<Variant> {
 }
 
 impl Variant {
-    /// Note on every row of the variant.
+    /// Returns the note on every row of the variant.
     fn note(&self) -> &'static str {
         match (self.settings.method, self.settings.weights) {
             (GlareMethod::SkyCube, _) if self.in_flight => {
@@ -70,7 +69,7 @@ impl Variant {
             }
             (GlareMethod::SkyCube, _) => "the map of the sky is reused, as during head rotation",
             (GlareMethod::ScreenPyramid | GlareMethod::ViewPyramid, PyramidWeights::Halved) => {
-                "weights are halved from level to level, as published: inverse-cube falloff"
+                "weights are halved from level to level, as published, which gives inverse-cube falloff"
             }
             (GlareMethod::ScreenPyramid | GlareMethod::ViewPyramid, PyramidWeights::Equal) => {
                 "equal weights: inverse-square falloff"
@@ -214,7 +213,7 @@ fn time_variants(
     })?;
     let with_note = |((mut timed, notes), variant): ((Timed, FrameNotes), &Variant)| {
         if variant.settings.method == GlareMethod::None && !timed.failed {
-            // Without glare there is no pass to time: the missing time is not a limit of the adapter.
+            // Without glare there is no pass to time, so the missing time must not be reported as a limitation of the adapter.
             timed.note = String::new();
         }
         (timed, notes.note())
@@ -256,7 +255,7 @@ fn turn(
     Ok(Ok((counted(&times, variant.in_flight, notes), start.elapsed())))
 }
 
-/// Time of the last frame of a turn, ms; `None` if no glare pass could be timed.
+/// Returns the time of the last frame of a turn, ms; `None` if no glare pass could be timed.
 fn counted(times: &[FrameTimes], in_flight: bool, notes: &mut FrameNotes) -> Option<f64> {
     let (last, before) = times.split_last()?;
     notes.whole_gpu.extend(last.gpu_ms);

@@ -171,15 +171,15 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
             Axis::Scale => matrix(&of_axis),
             Axis::Glare => summary(
                 &Summary::glare(rows),
-                "errors are the rms error of the veil, workloads in the same order as the times",
+                "errors are rms errors of the veil; the workloads are in the same order as for the times",
             ),
             Axis::Asteroids => {
-                let remark = "errors are measured in the first view, disparity between two eyes; published figures come from other hardware";
+                let remark = "errors are measured in the first view, disparity in the view with two eyes; published figures come from other hardware";
                 summary(&Summary::asteroids(rows), remark)
             }
             Axis::Live => summary(
                 &Summary::live(rows),
-                "errors in codes of 8 bits against the exact image; a budget is kept if 99.9 % of the channels are within it and all within four times that; Pareto: no other budget is faster and has a smaller error",
+                "errors in 8-bit codes relative to the exact image; a budget is kept if 99.9 % of the channels are within it and all within four times that; Pareto: no other budget is faster and has a smaller error",
             ),
             _ => {
                 let remark = "errors are those of single stars; identical: shuffled stars give the same bits";
@@ -198,7 +198,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
     // Explanation of the columns.
     add(
         "<h2>Meaning of the columns</h2>\n<dl>\n<dt>ms</dt><dd>median (shortest to longest) of the frames of interleaved rounds: \
-         clear, cull, splat and resolve, the HDR image is made and stays on the GPU. ",
+         clear, cull, splat and resolve; the HDR image is computed and stays on the GPU. ",
     );
     add(&format!(
         "The exposure is manual, ev100 = {TIMING_EV100}, for every method: a star of about magnitude 3 reaches display white if all \
@@ -213,7 +213,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
     }
     add(
         "</dl>\n<p>All figures except the frame's flux error and the time are measured on single stars in dedicated scenes, the same for \
-         every workload; errors of glare and of asteroids are measured in smaller views of the same projections. A dash: the figure does not apply or could not be measured; the notes give the reason. The Pareto front contains \
+         every workload; errors of glare and of asteroids are measured in smaller views of the same projections. A dash means that the figure does not apply or could not be measured; the notes give the reason. The Pareto front contains \
          the methods that no other method beats in both time and error.</p>\n</body>\n</html>\n",
     );
     page

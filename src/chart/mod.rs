@@ -1,8 +1,8 @@
 //! The chart: speed against accuracy of every method, from one run.
 //!
-//! An [`Axis`] is one question asked of many methods. Its module uses a renderer to produce [`Row`]s: one figure of
-//! merit and the time of the method, for each method, workload and metric. `csv`, `svg` and `html` display the rows and
-//! do not depend on how they were measured, so a new axis is an entry in [`Axis`] and a module with one function.
+//! An [`Axis`] compares many methods in one respect. Its module uses a renderer to produce [`Row`]s: one figure of merit and the time of the method,
+//! for each method, workload and metric. `csv`, `svg` and `html` display the rows and do not depend on how they were measured, so a new axis is an
+//! entry in [`Axis`] and a module with one function.
 //!
 //! - `workloads`: skies and views of a quick and of a full run;
 //! - `timing`: frames of all methods in turn, within a time budget;
@@ -112,7 +112,7 @@ pub enum Axis {
     Stars,
     /// Every method of drawing glare, in every projection: time against each error.
     Glare,
-    /// Every method of drawing asteroid fields: time against their number, and errors against the finest meshes.
+    /// Every method of drawing asteroid fields: time against the number of asteroids, and errors relative to the finest meshes.
     Asteroids,
     /// Drawing directly into a projector's pixels compared with warping a flat picture: time against errors of stars.
     Projectors,
@@ -120,7 +120,7 @@ pub enum Axis {
     Views,
     /// Time against the number of stars.
     Scale,
-    /// Frames that a daemon delivers to a client, against the errors of its display images.
+    /// Time between the frames that a daemon delivers to a client, against the errors of these display images.
     Live,
 }
 
@@ -250,7 +250,7 @@ pub struct About {
     pub adapter: String,
     /// Driver of the adapter.
     pub driver: String,
-    /// Date and time, UTC.
+    /// Date and time in UTC.
     pub date: String,
     /// Command line that made the chart.
     pub command: String,

@@ -40,7 +40,7 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Result<Vec<usize>, ParetoError> {
 mod tests {
     use super::*;
 
-    /// The definition of the front, evaluated directly.
+    /// Evaluates the definition of the front directly.
     fn by_definition(points: &[(f64, f64)]) -> Vec<usize> {
         let dominates = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
         (0..points.len()).filter(|&i| !points.iter().any(|&other| dominates(other, points[i]))).collect()

@@ -28,7 +28,7 @@ use crate::{
     },
 };
 
-/// Stars along both sides of a lattice over the raster.
+/// Number of stars along each side of the lattice that covers the raster.
 const LATTICE: [u32; 2] = [20, 10];
 /// Half side of the window around a star, pixels; it contains all of the star's light.
 const PATCH_PX: i64 = 8;
@@ -44,7 +44,7 @@ pub enum ProjectorMetric {
     CentroidPx,
     /// Root mean square distance of their light from its centroid, mean over the stars, pixels.
     WidthPx,
-    /// Standard deviation over mean of that width.
+    /// Standard deviation of that width over the stars, divided by its mean.
     WidthVariation,
 }
 
@@ -61,10 +61,10 @@ impl ProjectorMetric {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::LightRms => "rms relative error of the light of 200 stars on a projector, with exact solid angles",
-            Self::LightLargest => "the largest of these errors",
+            Self::LightLargest => "the largest relative error of the light of these stars",
             Self::CentroidPx => "rms distance of a star's centroid from its position, pixels",
             Self::WidthPx => "rms distance of a star's light from its centroid, pixels, mean: less is sharper",
-            Self::WidthVariation => "std/mean of that width over the stars",
+            Self::WidthVariation => "std/mean of a star's width over the stars",
         }
     }
 }
@@ -239,7 +239,7 @@ fn scored(
     Ok(scores(&found).map(|value| Score { value: Some(value), note: String::new() }).to_vec())
 }
 
-/// A scene with a camera whose axes are the world axes.
+/// Returns a scene with a camera whose axes are the world axes.
 fn snapshot_at_rest(records: Vec<StarRecord>) -> SceneSnapshot {
     SceneSnapshot { camera: crate::scene::Camera::default(), ..snapshot(records) }
 }

@@ -62,7 +62,7 @@ impl Scene {
     }
 }
 
-/// A scene of these stars, seen from the barycentre along the world axes.
+/// Returns a scene of these stars, seen from the barycentre along the world axes.
 fn still(records: Vec<StarRecord>) -> SceneSnapshot {
     SceneSnapshot {
         revision: 1,
@@ -112,8 +112,8 @@ fn placed(
 /// Stars at the sub-pixel positions of a pan. All have the same luminance: their light divided by the solid angle of their pixel. The second value is
 /// this luminance in cd/m^2. Every page has different positions.
 ///
-/// In a `narrow` view, kernels defined in pixels have the same shape everywhere, so stars differ only by their
-/// sub-pixel position. Stars of constant angle are scored in the usual view, where they have their usual small size.
+/// In a `narrow` view, kernels defined in pixels have the same shape everywhere, so stars differ only by their sub-pixel position. Stars with a
+/// constant angular size are scored in the usual view, where they have their usual small size.
 pub(super) fn sweep(image_px: u32, cell_px: u32, page: usize, narrow: bool) -> Result<(Scene, f64), ChartError> {
     let rig = if narrow {
         rig_of(vec![("score", ViewKind::Perspective { size: [image_px; 2], fov_y_rad: SWEEP_FOV_RAD })])?
@@ -161,7 +161,7 @@ pub(super) fn ring(image_px: u32, cell_px: u32) -> Result<Scene, ChartError> {
 /// Temperatures of the two stars that share a pixel, K.
 pub(super) const PAIR_K: [f32; 2] = [3000.0, 20_000.0];
 
-/// Two equally bright stars with the temperatures [`PAIR_K`] at each of 16 positions.
+/// Returns a scene of two equally bright stars with the temperatures [`PAIR_K`] at each of 16 positions.
 pub(super) fn pairs(cell_px: u32) -> Result<Scene, ChartError> {
     let size = [4 * cell_px; 2];
     let rig = usual_view(size)?;
@@ -178,7 +178,7 @@ pub(super) fn pairs(cell_px: u32) -> Result<Scene, ChartError> {
     Ok(scene)
 }
 
-/// Sirius, and a star of magnitude 21 two cells away.
+/// Returns a scene of Sirius and a star of magnitude 21 that is two cells away.
 pub(super) fn faint_near_bright(cell_px: u32) -> Result<Scene, ChartError> {
     let rig = usual_view([4 * cell_px, 2 * cell_px])?;
     let cell = f64::from(cell_px);
@@ -189,7 +189,7 @@ pub(super) fn faint_near_bright(cell_px: u32) -> Result<Scene, ChartError> {
 /// Side of the picture of [`crowd`], pixels.
 pub(super) const CROWD_PX: u32 = 48;
 
-/// Many stars with a range of brightnesses and colours in a small picture.
+/// Returns a scene of many stars with a range of brightnesses and colours in a small picture.
 pub(super) fn crowd(stars: usize) -> Result<Scene, ChartError> {
     let rig = usual_view([CROWD_PX; 2])?;
     let mapping = projection_of(&rig).mapping();
@@ -209,7 +209,7 @@ pub(super) fn crowd(stars: usize) -> Result<Scene, ChartError> {
 /// Side of the picture of [`heap`], pixels; it holds the widest profile.
 const HEAP_PX: u32 = 96;
 
-/// `stars` equal stars at the centre of one pixel.
+/// Returns a scene of `stars` equal stars at the centre of one pixel.
 pub(super) fn heap(stars: usize) -> Result<Scene, ChartError> {
     let rig = usual_view([HEAP_PX; 2])?;
     let middle = DVec2::splat(f64::from(HEAP_PX / 2) + 0.5);

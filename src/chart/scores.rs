@@ -44,17 +44,17 @@ pub enum Metric {
     FlickerLinear,
     /// Mean ellipticity in view space, 45 degrees off the axis of a view of 110 degrees.
     EllipticityView45Deg,
-    /// Standard deviation over mean of a star's width over sub-pixel positions.
+    /// Standard deviation of a star's width over sub-pixel positions, divided by its mean.
     WidthVariation,
     /// Chromaticity error in u'v' of a star of 3000 K and one of 20,000 K that share a pixel.
     ColourUv,
     /// Larger of the relative errors of the light of Sirius and of a star of magnitude 21 near it.
     DynamicRange,
-    /// Share of the pixels of a crowded picture whose bits differ between shuffles of the stars, or between runs.
+    /// Share of pixels in a crowded picture whose bits differ between shuffles of the stars, or between runs.
     OrderBitsDiffer,
     /// Share of their light that 20,000 equal stars in one pixel keep.
     Keeps20000Stars,
-    /// Largest over smallest light of a star at the edges and corners of a cubemap, minus 1.
+    /// Largest light of a star at the edges and corners of a cubemap divided by the smallest, minus 1.
     Seam,
 }
 
@@ -98,7 +98,7 @@ impl Metric {
             Self::DynamicRange => "larger of the relative errors of Sirius and of a star of magnitude 21 near it",
             Self::OrderBitsDiffer => "share of pixels whose bits differ when the stars are shuffled, or between runs",
             Self::Keeps20000Stars => "share of their light that 20,000 equal stars in a pixel keep: 1 is right",
-            Self::Seam => "largest over smallest light of a star at a cubemap's edges and corners, minus 1",
+            Self::Seam => "largest light of a star at a cubemap's edges and corners divided by the smallest, minus 1",
         }
     }
 

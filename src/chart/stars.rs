@@ -92,7 +92,7 @@ pub(super) fn run(
     Ok(rows)
 }
 
-/// Weight of the timings at the exposures of users, if their sky is still to be drawn.
+/// Returns the weight of the timings at the exposures of users, or 0 if their sky has been drawn already.
 fn sky_weight_ahead(extent: &Extent, exposed: Option<usize>) -> f64 {
     exposed.map_or(0.0, |index| {
         let (sky, views) = &extent.skies[index];
@@ -213,7 +213,7 @@ fn illuminance_lx(record: &StarRecord) -> f64 {
     illuminance_lx_from_magnitude(record.apparent_magnitude())
 }
 
-/// Returns the magnitude of the relative error of the light of a frame.
+/// Returns the absolute value of the relative error of the light of a frame.
 fn score_of_light(frame: &crate::render::Frame, mapping: &dyn PlaneMapping, expected_lx: f64) -> Score {
     let Some(pixels) = frame.images.first().and_then(|image| image.hdr.as_ref()) else {
         return Score::none("the frame has no HDR image");

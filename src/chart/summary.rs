@@ -250,7 +250,7 @@ mod tests {
         );
         assert!(words(&text[4])[..3] == ["long", "\u{2013}", "\u{2013}"] && text[4].ends_with("no"));
         assert!(text[2..].iter().all(|line| line.chars().count() == text[2].chars().count()), "{text:#?}");
-        // With many workloads, those with many stars remain.
+        // With many workloads, only those with many stars have a column.
         rows.extend((0..9).map(|i| row("a", &format!("{i}k"), Metric::CentroidPx, Some(2.0), None)));
         assert_eq!(Summary::stars(&rows).workloads, ["1M w"]);
         assert!(summary(&[]).is_empty());
@@ -277,7 +277,7 @@ mod tests {
         figures.iter().flat_map(|figures| LiveMetric::ALL.map(|metric| row(figures, metric))).collect()
     }
 
-    /// The last two columns of each budget: whether it is kept, and whether it is on the front.
+    /// Returns the last two columns of each budget: whether it is kept, and whether it is on the front.
     fn judged(figures: &[Budgeted]) -> Vec<[String; 2]> {
         let summary = Summary::live(&live_rows(figures));
         summary.lines.iter().map(|line| [line[10].clone(), line[11].clone()]).collect()

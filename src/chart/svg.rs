@@ -115,8 +115,8 @@ fn stars(axis: Axis, rows: &[&Row], about: &About) -> String {
     with_panels(axis, &subtitle, &PANELS.map(|metric| panel_of(metric, &rows_shown)), about)
 }
 
-/// Draws the axis `glare`: one panel per projection with the error of the veil, and one panel for each other error,
-/// from the workload that measured it.
+/// Draws the axis `glare`: one panel per projection with the error of the veil, and one panel for each other error, with the data of the workload
+/// that measured it.
 fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
     let workloads = distinct(rows, |row| &row.workload);
     let panel = |metric: GlareMetric, workload: &str| {
@@ -130,7 +130,7 @@ fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
     panels.extend(with_edges.map(|workload| panel(GlareMetric::Seam, workload)));
     let subtitle = match rows.first() {
         Some(row) => format!(
-            "{} stars in the catalogue; time of the glare passes only. Errors against the convolution on the sphere in f64. Lower left is better; the dashed line is the Pareto front.",
+            "{} stars in the catalogue; time of the glare passes only. Errors relative to the convolution on the sphere in f64. Lower left is better; the dashed line is the Pareto front.",
             grouped(row.items)
         ),
         None => "nothing was measured".to_owned(),
@@ -147,7 +147,7 @@ fn projectors(axis: Axis, rows: &[&Row], about: &About) -> String {
     });
     let subtitle = match rows.first() {
         Some(row) => format!(
-            "a throw across a dome, {} x {} pixels, {} stars in the catalogue. Lower left is better; the dashed line is the Pareto front.",
+            "A projector that throws across a dome: {} x {} pixels, {} stars in the catalogue. Lower left is better; the dashed line is the Pareto front.",
             row.width,
             row.height,
             grouped(row.items)

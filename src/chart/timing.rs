@@ -3,7 +3,7 @@
 //! Every method draws one frame that is not counted (it builds pipelines and buffers, uploads stars, fills caches), then one frame per round; each
 //! round begins with another method. Time that fast methods do not use is available to the slower ones. A method whose frames have used its share
 //! skips the remaining rounds and gets a note, but fast methods draw [`LEAST_ROUNDS`] regardless of the budget. If the first frame already exceeds
-//! the share, its time is the figure.
+//! the share, its time is used.
 
 use std::time::{Duration, Instant};
 
@@ -142,7 +142,7 @@ struct Run {
 /// it.
 pub(super) type Taken = Result<(Option<f64>, Duration), String>;
 
-/// Draws the scene with each of `settings` for up to `rounds` rounds; HDR images are made and stay on the GPU.
+/// Draws the scene with each of `settings` for up to `rounds` rounds. HDR images are rendered and stay on the GPU.
 pub(super) fn frames(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,

@@ -46,8 +46,7 @@ pub enum Sky {
 }
 
 impl Sky {
-    /// Weight of the sky's workloads when time is divided among skies: more stars take longer, but less than in
-    /// proportion.
+    /// Returns the weight of the sky's workloads when time is divided among skies. Time grows with the number of stars, but less than in proportion.
     pub(super) fn weight(self) -> f64 {
         match self {
             Self::Bright => 1.0,
@@ -55,7 +54,7 @@ impl Sky {
         }
     }
 
-    /// Name in workloads.
+    /// Returns the name in workloads.
     pub fn name(self) -> String {
         match self {
             Self::Bright => "bright".to_owned(),
@@ -74,7 +73,7 @@ pub(super) struct Skies {
     kept: Vec<(Sky, Arc<Vec<StarRecord>>)>,
 }
 
-/// Larger skies are recomputed instead of cached, number of stars.
+/// Number of stars above which skies are recomputed instead of cached.
 const MOST_KEPT: usize = 1_000_000;
 
 impl Skies {
@@ -112,7 +111,7 @@ pub enum ViewShape {
 }
 
 impl ViewShape {
-    /// Name in workloads.
+    /// Returns the name in workloads.
     pub fn name(self) -> String {
         match self {
             Self::Flat([_, height]) => format!("anticentre-{height}p"),
@@ -123,7 +122,7 @@ impl ViewShape {
         }
     }
 
-    /// Width and height of the (first) image, pixels.
+    /// Returns width and height of the (first) image, pixels.
     pub fn size(self) -> [u32; 2] {
         match self {
             Self::Flat(size) | Self::FullSky(size) | Self::Stereo(size) => size,
@@ -169,13 +168,12 @@ impl ViewShape {
 pub struct Extent {
     /// Skies, each with its views.
     pub skies: Vec<(Sky, Vec<ViewShape>)>,
-    /// Typical exposures of users, EV at ISO 100, at which the views of the largest sky with at most a million stars
-    /// are timed too.
+    /// Typical exposures of users, EV at ISO 100. The views of the largest sky with at most a million stars are timed at these exposures too.
     pub exposures: Vec<f64>,
     /// Maximum number of measured frames per method and workload.
     pub rounds: usize,
-    /// Time of the whole run, including all axes and the generation of skies. Work in progress at its end is finished,
-    /// and every method has one frame in every workload; a fast method has three.
+    /// Time of the whole run, including all axes and the generation of skies. Work that is in progress at its end is still finished. Every method
+    /// draws at least one frame in every workload, a fast method at least three.
     pub budget: Duration,
     /// Size of the scoring scenes.
     pub scoring: ScoringSize,
@@ -236,8 +234,8 @@ impl GlareExtent {
 }
 
 impl Extent {
-    /// Size of a run of all axes except `live` that ends within four minutes on two cores without a GPU. On such a machine, blending methods need
-    /// seconds for one frame of the whole sky with a million stars, so only the full run draws it.
+    /// Returns the size of a run of all axes except `live` that ends within four minutes on two cores without a GPU. On such a machine, blending
+    /// methods need seconds for one frame of the whole sky with a million stars, so only the full run draws it.
     pub fn quick() -> Self {
         let (flat, dome) = (ViewShape::Flat([1920, 1080]), ViewShape::Dome(1024));
         Self {
@@ -260,7 +258,7 @@ impl Extent {
         }
     }
 
-    /// Size of a full run, some 55 minutes on two cores without a GPU; more stars on a GPU with dedicated memory.
+    /// Returns the size of a full run, which takes about 55 minutes on two cores without a GPU. It has more stars on a GPU with dedicated memory.
     pub fn full(discrete_gpu: bool) -> Self {
         let all = vec![
             ViewShape::Flat([1280, 720]),
@@ -300,13 +298,13 @@ impl Extent {
         }
     }
 
-    /// Number of workloads of the axis `stars`.
+    /// Returns the number of workloads of the axis `stars`.
     pub fn workloads(&self) -> usize {
         let exposed = self.exposed_sky().map_or(0, |index| self.skies[index].1.len() * self.exposures.len());
         self.skies.iter().map(|(_, views)| views.len()).sum::<usize>() + exposed
     }
 
-    /// Index of the sky that is drawn at the exposures of users.
+    /// Returns the index of the sky that is drawn at the exposures of users.
     pub(super) fn exposed_sky(&self) -> Option<usize> {
         let stars = |sky: Sky| if let Sky::Galaxy(stars) = sky { stars } else { 0 };
         let few = self.skies.iter().enumerate().filter(|(_, (sky, _))| stars(*sky) <= MOST_KEPT);
@@ -314,7 +312,7 @@ impl Extent {
     }
 }
 
-/// Camera at the Sun, looking at the galactic anticentre.
+/// Returns a camera at the Sun that looks at the galactic anticentre.
 pub fn camera() -> Camera {
     let back = -direction_from_lon_lat(ANTICENTRE_RA_DEG.to_radians(), ANTICENTRE_DEC_DEG.to_radians());
     let right = DVec3::Z.cross(back).normalize();
@@ -342,7 +340,7 @@ pub fn rig_of(views: Vec<(&str, ViewKind)>) -> Result<Rig, RigError> {
     )
 }
 
-/// All faces of a cube.
+/// Returns a view of all faces of a cube.
 pub fn cubemap(face_size: u32) -> ViewKind {
     ViewKind::Cubemap { face_size, faces: Face::ALL.to_vec() }
 }

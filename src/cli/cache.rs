@@ -37,7 +37,7 @@ pub struct CacheArguments {
 
 #[derive(Clone, Copy, Debug, Subcommand)]
 enum CacheCommand {
-    /// Show folder, size limit, and number and size of the entries of each kind.
+    /// Show the folder, the size limit, and the number and size of the entries of each kind.
     Info {
         /// Print JSON.
         #[arg(long)]
@@ -51,7 +51,7 @@ enum CacheCommand {
 pub fn set(unused: bool) -> Result<(), CliError> {
     let cache = if unused { None } else { from_environment(|name| env::var_os(name))? };
     if let Some((folder, problem)) = cache.as_ref().and_then(unusable) {
-        tracing::warn!("the cache folder {} cannot be used, and nothing is kept: {problem}", folder.display());
+        tracing::warn!("the cache folder {} cannot be used, so nothing is kept: {problem}", folder.display());
         cache::set_for_process(None);
         return Ok(());
     }
@@ -62,8 +62,8 @@ pub fn set(unused: bool) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Returns the folder of a cache, with the reason, if the folder neither exists nor can be created. A folder that exists and cannot be written is
-/// usable: its entries are read.
+/// Returns the folder and the error if the folder of a cache neither exists nor can be created. A folder that exists but cannot be written is usable:
+/// its entries are read.
 fn unusable(cache: &Cache) -> Option<(&Path, io::Error)> {
     let folder = &*cache.folder;
     if folder.is_dir() { None } else { files::check_folder(folder).err().map(|problem| (folder, problem)) }
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(found(&[(FOLDER_VARIABLE, "")]).unwrap(), None, "switched off");
         let of_user = found(&[]).unwrap().expect("the user has a home folder");
         assert!(of_user.folder.ends_with("steradian") && of_user.most_bytes == 2 << 30, "{of_user:?}");
-        // A file is not a folder, and nothing can be created in it.
+        // The path leads to a file, so no folder can be created below it.
         let file = tempfile::NamedTempFile::new().unwrap();
         for folder in [file.path().to_owned(), file.path().join("cache")] {
             assert!(unusable(&Cache { folder, most_bytes: 1 }).is_some());

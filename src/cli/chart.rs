@@ -47,10 +47,10 @@ pub fn run(arguments: &ChartArguments, options: &GpuOptions, no_cache: bool) -> 
     check_folder(&arguments.out)?;
     std::fs::create_dir_all(&arguments.out)
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
-    // For the same reason, check now that the stores can be used.
+    // For the same reason, check in advance that the stores can be used.
     if let (Some(axis), [_, ..]) = (arguments.axis.filter(|axis| *axis != Axis::Scale), &arguments.stores[..]) {
         return Err(CliError::Usage(format!(
-            "--store: the axis {} measures no stores; give --axis scale, or no axis",
+            "--store: the axis {} does not measure stores; give --axis scale, or omit --axis",
             axis.name()
         )));
     }
@@ -91,7 +91,7 @@ fn command() -> String {
     std::iter::once("steradian".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Shows a step on a terminal's bar, in a log line elsewhere.
+/// Shows a step on the progress bar of a terminal, or in a log line if there is no terminal.
 fn show_step(progress: &Progress, Step { axis, task, done, total }: &Step) {
     progress.step(*done, *total, task.clone(), |task| {
         tracing::info!("{}: {task} ({} of {total})", axis.name(), done + 1);

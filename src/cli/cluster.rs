@@ -98,10 +98,10 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
         true,
         match distrusted_clock() {
             None => {
-                "clock of this machine: frames have times of presentation if all machines have such a clock".to_owned()
+                "clock of this machine is usable: frames have presentation times if the clocks of all machines are usable".to_owned()
             }
             Some(reason) => {
-                format!("clock of this machine is not used, frames are shown when COMMIT arrives: {reason}")
+                format!("clock of this machine is not used, so frames are shown when COMMIT arrives: {reason}")
             }
         },
     )?;
@@ -139,7 +139,7 @@ fn hexadecimal(hash: &[u8]) -> String {
     hash[..8].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Checks which certificates are on this machine.
+/// Reports which certificates are on this machine.
 fn certificates(config: &Config, cluster: &ClusterConfig) -> Vec<(bool, String)> {
     let Some(tls) = &cluster.tls else {
         return vec![(true, "connections are not encrypted: all endpoints are on this machine".to_owned())];

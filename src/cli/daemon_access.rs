@@ -30,7 +30,7 @@ impl DaemonAccess {
     pub(super) fn credentials(&self, address: &str) -> Result<Credentials, CliError> {
         if self.authorities.is_some() && !address.starts_with("https://") {
             return Err(CliError::Usage(format!(
-                "--authorities: has no effect with {address}: only https has certificates"
+                "--authorities: has no effect with {address}: only https uses certificates"
             )));
         }
         let read = |file: &Option<PathBuf>, key: &str| {
@@ -43,7 +43,7 @@ impl DaemonAccess {
     }
 }
 
-/// Checks an address. Without a port, the one of HTTP would be used, on which no daemon listens by default.
+/// Checks an address. A port is required: the default port of HTTP would be used otherwise, and no daemon listens on it by default.
 pub(super) fn address(text: &str) -> Result<String, String> {
     let rest = ["http://", "https://"].iter().find_map(|scheme| text.strip_prefix(scheme));
     let place = rest.map_or(text, |rest| rest.strip_suffix('/').unwrap_or(rest));
@@ -59,7 +59,7 @@ pub(super) fn address(text: &str) -> Result<String, String> {
     ))
 }
 
-/// Returns the address as a URI. The address that a daemon prints has no scheme.
+/// Returns the address as a URI: adds a scheme if there is none, as in the address that a daemon prints.
 pub(super) fn uri(address: &str) -> String {
     let has_scheme = address.contains("://") || address.starts_with(UNIX_PREFIX);
     if has_scheme { address.to_owned() } else { format!("http://{address}") }

@@ -55,10 +55,10 @@ struct CheckArguments {
     /// Tilt of the dome towards the front, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     dome_tilt_deg: Option<f64>,
-    /// Share of the light that the dome's screen reflects; adds how much cross-reflection brightens the sky.
+    /// Share of the light that the dome's screen reflects. With it, the results include how much cross-reflection brightens the sky.
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     reflectivity: Option<f64>,
-    /// Domemaster (PNG) for which cross-reflection is evaluated with that reflectivity.
+    /// Domemaster (PNG) for which cross-reflection is computed, with that reflectivity.
     #[arg(long, value_name = "FILE", requires = "reflectivity")]
     picture: Option<PathBuf>,
     /// Write the results to a file as JSON.
@@ -107,7 +107,7 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
     if failed == 0 { Ok(()) } else { Err(CliError::Checks { failed, total: report.findings.len() }) }
 }
 
-/// Refuses results that would replace an input, or each other.
+/// Refuses output files that would replace an input or each other.
 fn check_outputs(arguments: &CheckArguments, calibrations: &[PathBuf]) -> Result<(), CliError> {
     let CheckArguments { config, picture, json, html, .. } = arguments;
     for out in json.iter().chain(html) {
@@ -231,7 +231,7 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Returns the HTML page: failed rules first, figures of the projectors, three maps of the dome.
+/// Returns the HTML page. It has the failed rules first, then the figures of the projectors and three maps of the dome.
 fn page(report: &DomeReport) -> Result<String, CliError> {
     let (kept, broken): (Vec<&Finding>, Vec<&Finding>) = report.findings.iter().partition(|finding| finding.passed);
     let outcome = match broken.len() {
@@ -246,13 +246,13 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
     let share_of_range = |arcmin: f64| (arcmin - finest) / (coarsest - finest).max(1e-9);
     let maps = [
         (
-            "Number of projectors: dark none, blue one, green two, yellow three, orange more".to_owned(),
+            "Number of projectors: dark for none, blue for one, green for two, yellow for three, orange for more".to_owned(),
             map(report, |point| {
                 [[34; 3], [51, 102, 204], [51, 170, 102], [221, 204, 51], [230, 130, 40]][point.projectors.min(4)]
             })?,
         ),
         (
-            "Sum of the shares of light: grey is 1, blue less, red more (full colour: 10 % off), black none".to_owned(),
+            "Sum of the shares of light: grey for 1, blue for less, red for more (full colour: 10 % off), black for no light".to_owned(),
             map(report, |point| {
                 let off = ((point.sum - 1.0) / 0.1).clamp(-1.0, 1.0);
                 let [red, blue] = [off.max(0.0), (-off).max(0.0)];
@@ -265,7 +265,7 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
             })?,
         ),
         (
-            format!("Finest pixel size: dark {finest:.1}, light {coarsest:.1} arcminutes, black none"),
+            format!("Finest pixel size: dark for {finest:.1} arcminutes, light for {coarsest:.1} arcminutes, black for no pixel"),
             map(report, |point| match point.projectors {
                 0 => [0; 3],
                 _ => [(60.0 + 180.0 * share_of_range(point.arcmin)) as u8; 3],

@@ -1,4 +1,4 @@
-//! Signals that end a command which otherwise runs on.
+//! Signals that end a command which would otherwise continue to run.
 
 use std::{
     io,

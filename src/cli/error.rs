@@ -78,7 +78,7 @@ pub enum CliError {
     /// The files of a projector installer cannot be read.
     #[error(transparent)]
     Theatre(#[from] TheatreError),
-    /// The files of a projector installer can be read but not drawn.
+    /// The files of a projector installer can be read, but views made from them cannot be drawn.
     #[error("{0}")]
     Calibration(String),
     /// A film cannot be made.
@@ -147,7 +147,7 @@ pub enum CliError {
         /// SHA-256 of the file.
         found: String,
     },
-    /// A path could not be recorded, or only in part.
+    /// A path could not be recorded, or was recorded only in part.
     #[error("{0}")]
     Record(String),
     /// A chart cannot be made.
@@ -247,7 +247,7 @@ impl CliError {
         }
     }
 
-    /// Whether the reader of standard output closed it, as `head` does in `steradian ... | head`. This is not a failure.
+    /// Whether the process that reads standard output has closed it, as `head` does in `steradian ... | head`. This is not a failure.
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }

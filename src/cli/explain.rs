@@ -23,7 +23,7 @@ pub(super) fn text(frames: &[Frame]) -> String {
             None => text += &describe_plan("all images", &frame.plan),
         }
     }
-    // The caller ends the last line.
+    // The caller adds the line break after the last line.
     text.truncate(text.trim_end().len());
     text
 }
@@ -43,9 +43,12 @@ fn describe_view(view: &ViewStatistics) -> String {
     }
     line.push('\n');
     if view.stars_in_map > 0 {
-        // The stars of the map are not part of the count of stars drawn.
-        let _ =
-            writeln!(line, "faint stars {} over the whole sky, in one map that {} reads", view.stars_in_map, view.name);
+        // The count of stars drawn does not include the stars of the map.
+        let _ = writeln!(
+            line,
+            "faint stars {} in the whole sky, drawn from one map that {} reads",
+            view.stars_in_map, view.name
+        );
     }
     line
 }
@@ -72,7 +75,7 @@ fn describe_plan(images: &str, plan: &FramePlan) -> String {
         } else if *residual_codes > 0.0 {
             let _ = writeln!(
                 text,
-                "  deep      stars.memory does not hold the detail of these views: a pixel may be off by {residual_codes:.1} codes"
+                "  deep      stars.memory is too small for the detail of these views: a pixel may be off by {residual_codes:.1} codes"
             );
         }
     }

@@ -20,7 +20,7 @@ pub struct Inputs {
     pub config: Config,
     /// The files, each listed once.
     paths: Vec<PathBuf>,
-    /// Folder recorded as the start of relative paths.
+    /// Folder that is recorded as the base of relative paths.
     folder: PathBuf,
 }
 
@@ -58,16 +58,16 @@ impl Inputs {
         Ok(Self::new(config, opened, folder))
     }
 
-    /// Loads the recorded inputs of a picture again. `folder`, if given, replaces the recorded start of relative paths.
+    /// Loads the recorded inputs of a picture again. `folder`, if given, replaces the recorded base of relative paths.
     ///
     /// # Errors
     ///
-    /// A file differs from the recorded one, which is checked before it is read; or the configuration is invalid.
+    /// A file differs from the recorded one (this is checked before the file is interpreted), or the configuration is invalid.
     pub fn again(recorded: &Provenance, origin: &str, folder: Option<&Path>) -> Result<Self, CliError> {
         Self::of_record(&recorded.configuration, &recorded.files, origin, folder)
     }
 
-    /// The same for a recorded configuration and the files that pictures depend on.
+    /// Does the same as [`Self::again`], with only the recorded configuration and the list of files.
     pub fn of_record(
         configuration: &UsedConfiguration,
         files_then: &[InputFile],
@@ -106,7 +106,7 @@ impl Inputs {
         Self { config, paths, folder }
     }
 
-    /// Reads every file that pictures depend on and returns length and hash of each, sorted by path.
+    /// Reads every file that pictures depend on, and returns the length and the hash of each, sorted by path.
     pub fn files(&self) -> Result<Vec<InputFile>, CliError> {
         let files: Result<Vec<InputFile>, CliError> =
             self.paths.iter().map(|path| input(path, &self.config.folder)).collect();
@@ -116,7 +116,7 @@ impl Inputs {
         Ok(files)
     }
 
-    /// Returns length and hash of a file that is not an input of pictures itself.
+    /// Returns the length and the hash of a file that pictures do not depend on directly, such as a film's path.
     pub fn source(&self, path: &Path) -> Result<InputFile, CliError> {
         let read = |source| CliError::ReadInput { path: path.to_owned(), source };
         input(&path.canonicalize().map_err(read)?, &self.folder)

@@ -113,7 +113,7 @@ fn log(report: &LoadReport) {
     }
     for repetition in &report.repetitions {
         tracing::warn!(
-            "{repetition}: double stars, or stars that are listed twice and so twice as bright; all entries are added"
+            "{repetition}: these are double stars, or stars that are listed twice and therefore twice as bright; all entries are added"
         );
     }
 }

@@ -77,7 +77,7 @@ pub struct Cli {
     /// Graphics adapter to use: part of its name, case-insensitive.
     #[arg(long, global = true, value_name = "NAME")]
     pub adapter: Option<String>,
-    /// Restrict the adapter, to test the program as on a less capable one: a list of webgpu (the default limits of WebGPU), no-64-bit-atomics,
+    /// Restrict the adapter, to test the program as if on a less capable adapter: a list of webgpu (the default limits of WebGPU), no-64-bit-atomics,
     /// no-float-blending, no-timestamps, storage-buffers=N, binding-mib=N.
     #[arg(long, global = true, value_name = "LIST", value_parser = restrictions)]
     pub adapter_limits: Option<GpuOptions>,

@@ -1,11 +1,11 @@
-//! Files that commands write, next to the files that they read.
+//! Checks that the files that commands write are not files that they read.
 
 use std::path::Path;
 
 use super::CliError;
 use crate::files;
 
-/// Refuses to write to a file that the same command reads, under whatever name: the input would be lost.
+/// Refuses to write to a file that the same command reads, even under another name: the input would be lost.
 pub fn refuse_own_input<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), CliError> {
     match inputs.into_iter().find(|input| files::is_same_file(out, input)) {
         None => Ok(()),
@@ -41,7 +41,7 @@ mod tests {
             let error = refused(&out).unwrap_err();
             assert!(matches!(&error, CliError::Usage(text) if text.contains("choose another file")), "{error}");
         }
-        // Two paths of files that do not exist are accepted.
+        // Paths that lead to no existing file are accepted.
         for out in ["other", "new", "none"] {
             assert!(refused(&path(out)).is_ok(), "{out}");
         }

@@ -12,7 +12,7 @@ use crate::render::PrepareStep;
 use crate::scene::loader::LoadStep;
 use crate::service::StartProgress;
 
-/// All bars, because several kinds of work run at the same time.
+/// All bars together, because several kinds of work run at the same time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
 /// Returns a bar if standard error is a terminal.
@@ -23,7 +23,7 @@ fn bar() -> Option<ProgressBar> {
 fn bar_like(template: &str) -> Option<ProgressBar> {
     io::stderr().is_terminal().then(|| {
         let bar = BARS.add(ProgressBar::no_length());
-        // The template has no unknown key and therefore parses; otherwise the plain style is used.
+        // The template has only known keys, so it parses. If it did not, the plain style would be used.
         let style = ProgressStyle::with_template(template);
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(120));
@@ -35,7 +35,7 @@ fn bar_like(template: &str) -> Option<ProgressBar> {
 pub struct Progress<'a> {
     bar: Option<ProgressBar>,
     started: Instant,
-    /// Another receiver of the steps, and the name of the work there.
+    /// Second receiver of the steps, and the name that the work has there.
     told: Option<(&'a StartProgress, &'static str)>,
 }
 
@@ -214,7 +214,7 @@ impl BuildProgress {
         if is_new {
             self.work = Some((work, Instant::now(), done));
         }
-        // Time left, by the mean speed of this part.
+        // Time left, estimated from the mean speed of this part.
         let Some((_, started, from)) = self.work else { return };
         let elapsed_s = started.elapsed().as_secs_f64();
         let left_s = elapsed_s * total.saturating_sub(done) as f64 / done.saturating_sub(from).max(1) as f64;

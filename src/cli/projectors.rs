@@ -52,7 +52,7 @@ struct ImportArguments {
     /// Width and height of the rasters if the files have none.
     #[arg(long, value_name = "WxH", value_parser = size, allow_hyphen_values = true)]
     size: Option<[u32; 2]>,
-    /// Order of rows if it differs from the format's: top_first or bottom_first. Refused for files without rows.
+    /// Order of the rows, top_first or bottom_first, if it differs from the order that the format defines. Refused for files without rows.
     #[arg(long, value_name = "ORDER", value_parser = ["as_format", "top_first", "bottom_first"], default_value = "as_format")]
     rows: String,
     /// Axes of the files, as x=x,y=z,z=-y. Refused for SGCT and meshes.
@@ -67,8 +67,7 @@ struct ImportArguments {
     /// Tilt of that fisheye, degrees. For a dome of projectors use --dome-tilt-deg.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     tilt_deg: f64,
-    /// Tilt of the dome, degrees: how far its zenith leans to the front. Turns all projectors alike, as `tilt_deg` does a
-    /// domemaster.
+    /// Tilt of the dome, degrees: how far its zenith leans to the front. Turns all projectors together, as `tilt_deg` turns a domemaster.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     dome_tilt_deg: f64,
     /// Source of the blend: file, computed or none.
@@ -113,7 +112,7 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
     let mut names = BTreeMap::new();
     for file in &arguments.files {
         let (calibration, opened) = reading(|| read(file, &options));
-        // The output must not replace the meshes and masks that the file refers to either.
+        // Nor may the output replace the meshes and masks that the file refers to.
         refuse_own_input(&arguments.out, opened.iter().map(PathBuf::as_path))?;
         let calibration = calibration?;
         let place =
@@ -133,11 +132,11 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
     results::line(format!("{} projectors in {origin}", rig.views().len()))
 }
 
-/// Refuses to replace a file, which may have been edited, unless asked to.
+/// Refuses to replace a file, which may have been edited, unless the user requests it.
 fn check_out(arguments: &ImportArguments) -> Result<(), CliError> {
     if arguments.out.is_dir() {
         return Err(CliError::Usage(format!(
-            "--out {}: it is a folder: must be the name of a file",
+            "--out {}: this is a folder: must be the name of a file",
             arguments.out.display()
         )));
     }
@@ -272,7 +271,7 @@ mod tests {
         ] {
             assert_eq!(joined(line), expected);
         }
-        // A word that begins with a number below 0 is not an option.
+        // A word that begins with a negative number is not taken for an option.
         let parse = |words: &[&str]| <crate::cli::Cli as clap::Parser>::try_parse_from(words).is_ok();
         let words = |eye| ["steradian", "projectors", "import", "a.mpcdi", "--eye-m", eye, "--out", "o.toml"];
         assert!(parse(&words("-0.5,1.2,-3")) && parse(&words("0,1.2,0")) && !parse(&words("-0.5,1.2")));

@@ -26,7 +26,7 @@ pub struct PsfArguments {
     /// Aperture to compute: circle, hexagon, curved_blades, jwst or hubble.
     #[arg(long, value_name = "NAME", required_unless_present = "from", requires = "diameter_mm")]
     aperture: Option<String>,
-    /// EXR or FITS file to convert instead.
+    /// EXR or FITS file to convert, instead of an aperture to compute.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["aperture", "diameter_mm", "blades", "size", "wavelengths",
         "temperature"])]
     from: Option<PathBuf>,

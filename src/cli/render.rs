@@ -45,7 +45,7 @@ pub struct RenderArguments {
     /// The configuration.
     #[arg(long, value_name = "FILE", required_unless_present = "from")]
     config: Option<PathBuf>,
-    /// Render the frame of a manifest again, without --config. Files that differ from the recorded ones are refused.
+    /// Render the frame that a manifest describes again, without --config. Files that differ from the recorded ones are refused.
     #[arg(long, value_name = "MANIFEST", conflicts_with_all = ["config", "set"])]
     from: Option<PathBuf>,
     /// With --from: folder for relative paths, instead of the folder that the manifest names.
@@ -74,7 +74,7 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
             Inputs::again(recorded, &from.display().to_string(), arguments.folder.as_deref())?
         }
         (_, Some(config), _) => Inputs::load(config, &arguments.set)?,
-        // The parser requires one of them, so it reports their absence first.
+        // The parser requires one of them, and has already reported an error if both are missing.
         _ => return Err(CliError::Usage("render needs --config or --from".to_owned())),
     };
     let config = &inputs.config;

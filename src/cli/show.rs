@@ -49,7 +49,7 @@ pub struct ShowArguments {
     /// Exit after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), allow_negative_numbers = true)]
     frames: Option<u64>,
-    /// Open all windows decorated and in their own sizes, placed by the desktop.
+    /// Open all windows with a frame and in their own sizes; the desktop places them.
     #[arg(long)]
     windowed: bool,
     /// List the monitors of this machine and exit.
@@ -73,7 +73,7 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
         return Ok(());
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
-    // The clock starts when the configuration is read.
+    // The scene's clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera, groups) = (config.rig()?, config.camera()?, config.frame_groups()?);
     let of_windows = windows_of(&config, &rig, arguments.windowed)?;
@@ -94,7 +94,7 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
 
     let sizes: Vec<[u32; 2]> = of_windows.iter().filter_map(|window| size_of(window, &rig)).collect();
     let adapter = renderer.adapter().adapter.clone();
-    // One frame waits while another is presented and a third is drawn.
+    // While one frame is presented, another waits in the channel and a third is drawn.
     let (sender, frames) = sync_channel(1);
     let viewer = Arc::new(Viewer {
         frames: Mutex::new(frames),
@@ -202,7 +202,7 @@ impl Host for Viewer {
         match lock(&self.frames).recv_timeout(PATIENCE) {
             Ok(frame) => Next::Frame(frame),
             Err(RecvTimeoutError::Timeout) => Next::Drawing,
-            // The reason is known when the thread is joined.
+            // The reason of the failure is known when the thread is joined.
             Err(RecvTimeoutError::Disconnected) => Next::End,
         }
     }

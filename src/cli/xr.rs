@@ -44,12 +44,10 @@ pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
         return Err(CliError::Usage(format!("--adapter {adapter}: the headset's runtime chooses the adapter")));
     }
     if *gpu != GpuOptions::default() {
-        return Err(CliError::Usage(
-            "--adapter-limits: a headset is drawn with all that its adapter offers".to_owned(),
-        ));
+        return Err(CliError::Usage("--adapter-limits: a headset always uses all features of its adapter".to_owned()));
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
-    // The clock starts when the configuration is read.
+    // The scene's clock starts when the configuration is read.
     let clock = config.clock();
     let camera = config.camera()?;
     // Check everything that can be refused before loading the stars, which takes longest.
@@ -82,7 +80,7 @@ pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
         signals.await;
         signalled.ended.store(true, Ordering::Relaxed);
     });
-    // The program ends when the wearer exits.
+    // The program ends when the wearer exits the application.
     let settings = HeadsetSettings { after_exit: AfterExit::Stop, ..config.headset.clone() };
     let driven = xr::drive(host.as_ref(), &settings, FirstFailure::Fails);
     runtime.shutdown_background();

@@ -18,7 +18,7 @@ use crate::scene::asteroids::{
 use crate::scene::bodies::{FARTHEST_M, ReflectionLaw};
 use crate::scene::unit_quaternion;
 
-/// Shape of the volume that a field fills.
+/// Shape of the volume that the asteroids of a field fill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldShape {
@@ -30,7 +30,7 @@ pub enum FieldShape {
     Ring,
 }
 
-/// A field of asteroids, generated from a seed. `shape` determines which keys give its size.
+/// A field of asteroids, generated from a seed. `shape` determines which keys give the size of the field.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {
@@ -118,7 +118,7 @@ impl FieldConfig {
     pub(super) fn spec(&self, folder: &Path) -> Result<FieldSpec, KeyError> {
         let shapes = match (&self.shapes, self.shape_seed) {
             (Some(_), Some(_)) => {
-                let problem = "shapes is given too: at most one of shape_seed and shapes is allowed";
+                let problem = "shapes is also given: at most one of shape_seed and shapes is allowed";
                 return Err(KeyError::new("shape_seed", problem));
             }
             (Some(files), None) if files.is_empty() => {

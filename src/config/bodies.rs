@@ -26,8 +26,9 @@ pub struct BodyConfig {
     /// A body of the Solar System, whose size, albedo, reflection law and spin are the defaults of these keys; for the Sun, also its position and
     /// emission.
     pub preset: Option<SolarBody>,
-    /// Ephemeris of the position, instead of `position_m`: the name of a body of the Solar System, or `spk:NUMBER`, where NUMBER is the NAIF number of an object in `scene.kernels`.
-    /// For a body of the Solar System it gives orientation and rotation too, instead of `orientation` and `spin`.
+    /// Ephemeris of the position, instead of `position_m`: the name of a body of the Solar System, or `spk:NUMBER`, where NUMBER is the NAIF number
+    /// of an object in `scene.kernels`. For a body of the Solar System it also gives the orientation and the rotation, instead of `orientation` and
+    /// `spin`.
     #[serde(default)]
     #[schemars(schema_with = "super::reference::ephemeris")]
     pub ephemeris: Option<Ephemeris>,
@@ -50,7 +51,7 @@ pub struct BodyConfig {
     pub law: Option<ReflectionLaw>,
     /// Whether brightness follows the measured phase curve of the preset instead of the reflection law; true by default for bodies with a preset.
     pub phase_curve: Option<bool>,
-    /// PNG file, 8 bits, sRGB, equirectangular (longitude and latitude): factors on the albedo.
+    /// PNG file, 8 bits, sRGB, equirectangular (longitude and latitude). Its values are factors on the albedo.
     pub texture: Option<PathBuf>,
     /// Rotation about the z axis.
     pub spin: Option<SpinConfig>,
@@ -132,12 +133,12 @@ impl BodyConfig {
         }
     }
 
-    /// Whether it represents a body of the Solar System.
+    /// Whether this body represents the given body of the Solar System.
     pub(super) fn stands_for(&self, of: SolarBody) -> bool {
         self.name == of.name() || self.preset == Some(of) || self.stands_as() == Some(of)
     }
 
-    /// The body of the Solar System whose ephemeris it has, and with it the orientation.
+    /// The body of the Solar System whose ephemeris, and therefore orientation, this body has.
     fn stands_as(&self) -> Option<SolarBody> {
         self.ephemeris.and_then(Ephemeris::stands_as)
     }
@@ -159,7 +160,7 @@ impl BodyConfig {
                 ("spin", self.spin.is_some() && stands),
             ];
             if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
-                return Err(KeyError::new(key, "ephemeris is given too: give at most one of them"));
+                return Err(KeyError::new(key, "ephemeris is also given: give at most one of them"));
             }
         }
         let position_m = match (self.position_m, self.ephemeris, self.preset) {
@@ -177,7 +178,7 @@ impl BodyConfig {
         };
         let radii_m = match (self.radii_m, self.radius_m, &preset) {
             (Some(_), Some(_), _) => {
-                let problem = "radii_m is given too: give exactly one of radius_m and radii_m";
+                let problem = "radii_m is also given: give exactly one of radius_m and radii_m";
                 return Err(KeyError::new("radius_m", problem));
             }
             (Some(radii_m), None, _) => DVec3::from_array(radii_m),
@@ -207,7 +208,7 @@ impl BodyConfig {
             Some(true) if measured.is_none() => {
                 return Err(KeyError::new(
                     "phase_curve",
-                    "true: needs a preset other than `sun`, which has a measured curve",
+                    "true: needs a preset with a measured curve: any except `sun`",
                 ));
             }
             Some(false) => None,

@@ -86,7 +86,7 @@ impl Config {
             let bodies: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
             let bodies = if bodies.is_empty() { "none".to_owned() } else { bodies.join(", ") };
             let unknown =
-                format!("no such body, no star of builtin:bright and no constellation; the bodies are: {bodies}");
+                format!("neither a body, nor a star of builtin:bright, nor a constellation; the bodies are: {bodies}");
             return Err(fault(&unknown));
         };
         let place_m = match body.ephemeris {

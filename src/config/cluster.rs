@@ -42,12 +42,12 @@ pub struct ClusterConfig {
     /// What happens if a node is not ready in time.
     #[serde(default)]
     pub at_deadline: AtDeadline,
-    /// A node is left out after it was not ready for this number of consecutive frames. With 1, a node that hangs costs the others one frame, and a
-    /// single late frame leaves a node out for three frames.
+    /// A node is left out after it was not ready for this number of consecutive frames. With 1, a node that hangs costs the other nodes one frame,
+    /// and a node that is late once is left out for three frames.
     #[serde(default = "misses")]
     #[schemars(range(min = 1, max = 10))]
     pub misses: u8,
-    /// Time between the deadline of a frame and its presentation, in which a lost message is repeated.
+    /// Time between the deadline of a frame and its presentation. A lost message is repeated during this time.
     #[serde(default = "lead_ms")]
     #[schemars(range(min = 0.0, max = 1000.0), extend("x-unit" = "ms"))]
     pub lead_ms: f64,
@@ -55,7 +55,7 @@ pub struct ClusterConfig {
     #[serde(default = "gather_s")]
     #[schemars(range(min = 0.0, max = 3600.0), extend("x-unit" = "s"))]
     pub gather_s: f64,
-    /// Time without a new frame after which windows and streams of a node are black.
+    /// Time without a new frame after which the windows and streams of a node become black.
     #[serde(default = "hold_s")]
     #[schemars(range(min = 0.1, max = 3600.0), extend("x-unit" = "s"))]
     pub hold_s: f64,
@@ -63,7 +63,7 @@ pub struct ClusterConfig {
     /// machine.
     #[serde(default = "epochs")]
     pub epochs: PathBuf,
-    /// Whether the threads of the network, and the one that presents, ask for real-time scheduling. If the system refuses, the log says so.
+    /// Whether the threads of the network, and the one that presents, request real-time scheduling. If the system refuses, this is logged.
     #[serde(default = "yes")]
     pub real_time: bool,
     /// Encrypts and authenticates the connections.
@@ -107,7 +107,7 @@ pub struct NodeConfig {
     pub name: String,
     /// Names of the views that it draws.
     pub views: Vec<String>,
-    /// Names of the windows that it opens, which show these views. Absent: all windows of these views.
+    /// Names of the windows that it opens; they must show these views. Absent: all windows of these views.
     pub windows: Option<Vec<String>>,
     /// Common name in its certificate. Absent: the name of the node.
     pub certificate: Option<String>,
@@ -260,11 +260,11 @@ pub(super) fn check_nodes(
         node.check(views, windows).map_err(|fault| (index, fault))?;
         for (first, other) in nodes[..index].iter().enumerate() {
             if other.name == node.name {
-                let problem = format!("nodes[{first}] has the name `{}` too: names must be unique", node.name);
+                let problem = format!("nodes[{first}] also has the name `{}`: names must be unique", node.name);
                 return Err((index, KeyError::new("name", problem)));
             }
             if other.common_name() == node.common_name() {
-                let problem = format!("nodes[{first}] has the certificate `{}` too", node.common_name());
+                let problem = format!("nodes[{first}] also has the certificate `{}`", node.common_name());
                 return Err((index, KeyError::new("certificate", problem)));
             }
         }

@@ -49,7 +49,7 @@ pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Re
     })
 }
 
-/// Serde's error if a value must be one of several names but is not text. It does not list the names.
+/// Serde's error for a value that must be one of several names but is not text. This error does not list the names.
 const NOT_A_NAME: &str = "invalid type: unit variant, expected string only";
 
 /// Returns serde's error for the same value written as text, which lists the names.
@@ -59,7 +59,7 @@ fn unknown_name<T: DeserializeOwned>(mut whole: Value, path: &Path) -> Option<St
         value = match segment {
             Segment::Map { key } => value.get_mut(key.as_str())?,
             Segment::Seq { index } => value.get_mut(*index)?,
-            // The segment of an enum adds no key.
+            // A path segment for an enum adds no key.
             Segment::Enum { .. } | Segment::Unknown => value,
         };
     }
@@ -69,7 +69,7 @@ fn unknown_name<T: DeserializeOwned>(mut whole: Value, path: &Path) -> Option<St
     problem.starts_with("unknown variant").then(|| problem.replace('\n', "; "))
 }
 
-/// Elements of lists of fixed length, by the name of their key.
+/// Names of the elements of lists of fixed length, by the name of the list's key.
 const LISTS: [(&str, &str); 14] = [
     ("size", "[width, height]"),
     ("size_m", "[x, y, z]"),
@@ -87,7 +87,7 @@ const LISTS: [(&str, &str); 14] = [
     ("spin_period_s", "[shortest, longest]"),
 ];
 
-/// A message about a list of the wrong length, or about a value that is not a list.
+/// Returns the message for a list of the wrong length, or for a value that is not a list.
 fn list_in_words(found: &str, expected: &str, key: &str) -> String {
     let name = key.rsplit('.').next().and_then(|name| name.split('[').next()).unwrap_or_default();
     match LISTS.iter().find(|(known, _)| *known == name) {

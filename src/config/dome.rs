@@ -112,7 +112,7 @@ pub struct DomeProjector {
     pub view: View,
     /// The points of its part of the screen in view axes, if the calibration has them.
     pub screen: Option<ScreenSums>,
-    /// Factor on its light by which its white is that of the darkest projector.
+    /// Factor on its light that reduces its white to that of the darkest projector.
     pub dimmed_to: f64,
 }
 
@@ -132,7 +132,7 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// Keys in which projectors differ although they must agree.
+    /// A key that must agree among all projectors differs.
     pub fn dome_projectors(&self) -> Result<(Vec<DomeProjector>, Vec<DomeFault>), ConfigError> {
         let (mut configs, mut views, mut screens, mut faults) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for config in &self.views {

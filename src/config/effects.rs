@@ -22,8 +22,8 @@ use crate::plan::settings::{
 use crate::ranges::{KeyEffects, KeyError, Obstacle};
 use crate::scene::loader::StarSource;
 
-/// Removes the keys that an override has deprived of their effect from `[exposure]`, `[glare]` and `[tone_map]`, and from these tables of views, and
-/// logs each. A document with another error stays unchanged.
+/// Removes the keys that an override has deprived of their effect, and logs each of them. The keys are those of `[exposure]`, `[glare]` and
+/// `[tone_map]`, in the general tables and in those of views. A document with another error stays unchanged.
 pub(super) fn leave_out_overridden(document: &mut Table, applied: &[Applied], origin: &str) {
     leave_out_of_exposure(document, applied, origin);
     leave_out_of::<GlareSettings>(document, "glare", &["method", "kernel", "absolute"], applied, origin);
@@ -80,7 +80,7 @@ where
     }
 }
 
-/// Removes keys unless an override gives them. Each comes with the value that prevents its effect, for the log.
+/// Removes keys unless an override sets them. Each key is paired with the setting that prevents its effect, for the log.
 fn remove(
     table: &mut Value,
     path: &str,
@@ -110,7 +110,7 @@ fn parsed<T: DeserializeOwned + Default>(value: Option<&Value>) -> Option<T> {
     value.map_or_else(|| Some(T::default()), |value| deserialise(value.clone(), "").ok())
 }
 
-/// The table at a path of keys; `None`: there is none.
+/// The table at a path of keys; `None` if there is no such table.
 fn table_at<'a>(document: &'a Table, path: &[&str]) -> Option<&'a Table> {
     path.iter().try_fold(document, |table, key| table.get(*key)?.as_table())
 }
@@ -156,7 +156,7 @@ fn idle_keys(config: &Config) -> Vec<(String, String)> {
     idle.extend(idle_keys_of_observer(config, &document));
     if config.asteroids.drawn_impostors().is_none() {
         let keys = given(&document, &["asteroids"]).filter(|key| ["tiles", "tile_px"].contains(key));
-        let reason = "without impostors: it is kept for another asteroids.impostor";
+        let reason = "without impostors: it is kept, and has an effect once asteroids.impostor selects impostors";
         idle.extend(keys.map(|key| (format!("asteroids.{key}"), reason.to_owned())));
     }
     idle
@@ -170,7 +170,11 @@ fn idle_keys_of_stars(config: &Config, document: &Table) -> Vec<(String, String)
             let methods = StarSettings::methods_with(table, key);
             let reason = if !methods.contains(&stars.method) {
                 let names: Vec<String> = methods.iter().map(|method| format!("`{}`", method.name())).collect();
-                format!("with stars.method = \"{}\": it is kept for {}", stars.method.name(), names.join(", "))
+                format!(
+                    "with stars.method = \"{}\": it is kept, and has an effect once the method is {}",
+                    stars.method.name(),
+                    names.join(", ")
+                )
             } else if key == "sigma_px" && stars.pixel_gaussian.sigma_arcmin.is_some() {
                 "with sigma_arcmin: leave one of them out".to_owned()
             } else if ["aperture", "diameter_mm"].contains(&key) && stars.psf_texture.file.is_some() {
@@ -197,15 +201,18 @@ fn idle_keys_of_glare(config: &Config, document: &Table) -> Vec<(String, String)
         if has_file && (glare.kernel != GlareKernelName::Psf || glare.method == GlareMethod::None) {
             let kernel = glare.kernel.name();
             let reason = match glare.method {
-                GlareMethod::None => "with method = \"none\": it is kept for kernel = \"psf\"".to_owned(),
-                _ => format!("with kernel = \"{kernel}\": it is kept for kernel = \"psf\""),
+                GlareMethod::None => {
+                    "with method = \"none\": it is kept, and has an effect once glare is drawn with kernel = \"psf\""
+                        .to_owned()
+                }
+                _ => format!("with kernel = \"{kernel}\": it is kept, and has an effect once kernel is \"psf\""),
             };
             idle.push((format!("{path}.psf_file"), reason));
         }
         if has_weights && glare.method == GlareMethod::Auto && config.stars.method.draws_catalogue() {
             let stars = config.stars.method.name();
             let reason = format!(
-                "with method = \"auto\" and stars.method = \"{stars}\": it is kept for pyramids, which `cell_sky` has"
+                "with method = \"auto\" and stars.method = \"{stars}\": it is kept, and has an effect once pyramids are drawn, as with `cell_sky`"
             );
             idle.push((format!("{path}.weights"), reason));
         }
@@ -230,7 +237,7 @@ fn idle_keys_of_observer(config: &Config, document: &Table) -> Vec<(String, Stri
     for (table, enabled) in [("air", observer.air.enabled), ("ground", observer.ground.enabled)] {
         if !enabled {
             let keys = given(document, &["scene", "observer", table]).filter(|key| *key != "enabled");
-            let reason = "with enabled = false: it is kept for enabled = true";
+            let reason = "with enabled = false: it is kept, and has an effect once enabled is true";
             idle.extend(keys.map(|key| (format!("scene.observer.{table}.{key}"), reason.to_owned())));
         }
     }

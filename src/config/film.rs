@@ -26,7 +26,7 @@ const MOST_FOV_Y_DEG: f64 = 178.0;
 /// Beyond these values, f32 cannot represent both the luminance of white and the light of the stars.
 const EV100: [f64; 2] = [-100.0, 100.0];
 const COMPENSATION_EV: [f64; 2] = [-30.0, 30.0];
-/// Range of the factor on the size of the picture's plane.
+/// Smallest and largest factor on the size of the picture's plane.
 const FOV_SCALES: [f64; 2] = [1e-6, 1e6];
 
 /// Progress along the segment between two keyframes.
@@ -35,7 +35,7 @@ const FOV_SCALES: [f64; 2] = [1e-6, 1e6];
 pub enum Easing {
     /// At a constant rate.
     Linear,
-    /// Without a jump of the rate at its beginning and end.
+    /// Smoothly: the rate does not jump at the ends of the segment.
     #[default]
     Smooth,
 }
@@ -58,7 +58,7 @@ pub enum FovKey {
     YDeg(f64),
 }
 
-/// Values of a frame. `None`: the value of the configuration or, in a keyframe, of the neighbouring keyframes.
+/// Values of a frame. `None` means the value of the configuration or, in a keyframe, a value interpolated from the neighbouring keyframes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameValues {
     /// Position, ICRS, barycentric, m.
@@ -159,7 +159,7 @@ fn either<A, B, T>(
 ) -> Result<Option<T>, KeyError> {
     match (one, other) {
         (Some(_), Some(_)) => {
-            Err(KeyError::new(second, format!("{first} is given too: at most one of {first} and {second} is allowed")))
+            Err(KeyError::new(second, format!("{first} is also given: at most one of {first} and {second} is allowed")))
         }
         (Some(value), None) => with(value).map(Some),
         (None, Some(value)) => or_with(value).map(Some),
@@ -168,8 +168,8 @@ fn either<A, B, T>(
 }
 
 impl Keyframe {
-    /// Formats the keyframe as a TOML table. Reading it gives the same values, with times rounded to microseconds. `None`: its time is outside the
-    /// range of a scene.
+    /// Formats the keyframe as a TOML table. Reading the table gives the same values, with times rounded to microseconds. `None` if the time is
+    /// outside the range of a scene.
     pub fn text(&self) -> Option<String> {
         let mut text = format!("[[keyframes]]\nframe = {}\n", self.frame);
         // Values have enough digits to read back the same numbers.
@@ -209,7 +209,7 @@ impl Keyframe {
 }
 
 impl KeyframeTable {
-    /// Returns the keyframe, and the frame of its orientation if it has one.
+    /// Returns the keyframe, and the reference frame of its orientation if it has one.
     fn keyframe(self) -> Result<(Keyframe, Option<Frame>), KeyError> {
         let orientation = |value: [f64; 4]| {
             let turned = crate::scene::unit_quaternion(value);
@@ -283,7 +283,7 @@ impl FilmPath {
     ///
     /// # Errors
     ///
-    /// As [`Self::load`].
+    /// Those of [`Self::load`].
     pub fn from_text(text: &str, origin: &str) -> Result<Self, ConfigError> {
         let table = parse(text, origin)?;
         let document = table.to_string();
@@ -324,7 +324,8 @@ impl FilmPath {
             if let Some(last) = keyframes.last()
                 && last.frame >= keyframe.frame
             {
-                let problem = format!("{}: must be above {}, the frame before", keyframe.frame, last.frame);
+                let problem =
+                    format!("{}: must be above {}, the frame of the previous keyframe", keyframe.frame, last.frame);
                 return fault("frame", problem);
             }
             if keyframe.values.position_m.is_some() && keyframe.values.position_m == around_m {

@@ -12,7 +12,7 @@ pub(super) fn check(headset: &HeadsetSettings) -> Result<(), KeyError> {
 pub(super) fn check_views(headset: &HeadsetSettings, views: &[ViewSpec]) -> Result<(), KeyError> {
     let twin = views.iter().position(|view| headset.enabled && view.name == headset.name);
     twin.map_or(Ok(()), |index| {
-        let problem = format!("views[{index}] has the name `{}` too: names must be unique", headset.name);
+        let problem = format!("views[{index}] also has the name `{}`: names must be unique", headset.name);
         Err(KeyError::new("name", problem))
     })
 }

@@ -20,7 +20,7 @@ pub fn with_same_keys<T: DeserializeOwned>(value: &impl Serialize) -> Result<T, 
     deserialise(Value::Table(table_of(value)?), "")
 }
 
-/// Returns `current` with `keys` taken from `given`. A key that `given` does not have is removed.
+/// Returns `current` with the values of `keys` replaced by those in `given`. A key of `keys` that `given` does not have is removed.
 ///
 /// # Errors
 ///

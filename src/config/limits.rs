@@ -1,5 +1,5 @@
 //! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that involve several keys. Keys without effect are refused, unless [`super::effects`]
-//! warns of them. The ranges of single keys are attributes of the fields and have been checked before.
+//! warns of them. The ranges of single keys are attributes of the fields; they are checked earlier.
 
 use crate::ranges::{KeyEffects, KeyError, Obstacle, PartialSettings};
 use crate::{
@@ -26,7 +26,7 @@ fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), KeyError> {
     }
     psf.check().map_err(|error| match error {
         PsfError::TooFine { allowed_steps, needed_steps, .. } => {
-            // The number of steps of half a fringe in a texel is proportional to the diameter, rounded up.
+            // The number of half fringes in a texel, rounded up, is proportional to the diameter.
             let most = psf.diameter_mm * allowed_steps / needed_steps;
             let problem =
                 format!("{}: must be at most {most:.3} mm at width_arcmin = {}", psf.diameter_mm, psf.width_arcmin);

@@ -13,7 +13,7 @@ pub(crate) const MOST_TURN_DEG: f64 = 360.0;
 /// Largest angle above the middle of the picture, degrees.
 pub(crate) const MOST_ABOVE_DEG: f64 = 180.0;
 
-/// Returns the fault of an angle that is not finite or beyond `most` in either direction.
+/// Returns an error message if an angle is not finite or its absolute value is above `most`.
 fn check_angle(key: &str, value: f64, most: f64) -> Result<(), KeyError> {
     finite(key, value)?;
     if value.abs() > most {
@@ -26,7 +26,7 @@ fn check_angle(key: &str, value: f64, most: f64) -> Result<(), KeyError> {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Look {
-    /// Frame of the direction; the camera turns with it: `icrs`, `galactic`, `ecliptic` (mean ecliptic and equinox of J2000.0), `horizon` (of
+    /// Frame of the direction, with which the camera turns: `icrs`, `galactic`, `ecliptic` (mean ecliptic and equinox of J2000.0), `horizon` (of
     /// `scene.observer`). The default is the frame of the keys that give the direction, or `icrs`.
     pub frame: Option<Frame>,
     /// Right ascension; frame `icrs`.
@@ -130,7 +130,7 @@ impl Look {
         let (roll_rad, above_rad) = (self.roll_deg.to_radians(), self.above_deg.to_radians());
         if let Some(body) = &self.at {
             return match given.first() {
-                Some((key, ..)) => Err(KeyError::new(*key, "at is given too: give either a direction or at")),
+                Some((key, ..)) => Err(KeyError::new(*key, "at is also given: give either a direction or at")),
                 None => Ok(Aim { frame, towards: Towards::Object(body.clone()), roll_rad, above_rad }),
             };
         }
@@ -182,7 +182,7 @@ mod tests {
             ("longitude_deg = 3\nlatitude_deg = 9", "frame", "galactic"),
             ("frame = \"galactic\"\nra_deg = 3\ndec_deg = 9", "ra_deg", "longitude_deg and latitude_deg"),
             ("azimuth_deg = 3\ndec_deg = 9", "azimuth_deg", "not a key of this frame"),
-            ("at = \"moon\"\nra_deg = 3", "ra_deg", "at is given too"),
+            ("at = \"moon\"\nra_deg = 3", "ra_deg", "at is also given"),
             ("frame = \"horizon\"", "azimuth_deg", "missing"),
             ("at = \"moon\"\nroll_deg = inf", "roll_deg", "finite"),
         ] {

@@ -1,4 +1,4 @@
-//! Configuration: strict TOML, unknown keys refused.
+//! Configuration: strict TOML. Unknown keys are refused.
 //!
 //! A configuration is loaded in four steps, each with its own errors: text to tables ([`document`]), overrides ([`overrides`]), tables to the types
 //! below (serde, with the path of the key at fault), and checks. These are checks of ranges, which are attributes of the fields, and of rules that
@@ -184,7 +184,7 @@ struct Sections {
     server: ServerConfig,
 }
 
-/// Bytes of a configuration, at most.
+/// Maximum size of a configuration, bytes.
 const MOST_BYTES: u64 = 4 << 20;
 
 impl Config {
@@ -194,7 +194,7 @@ impl Config {
         Self::from_text(&text, &path.display().to_string(), folder, overrides)
     }
 
-    /// Text of a file, and its folder.
+    /// Reads the text of a file; returns it with the folder of the file.
     fn text_of(path: &Path) -> Result<(String, &Path), ConfigError> {
         let text = files::read_text_bounded(path, MOST_BYTES)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
@@ -207,7 +207,7 @@ impl Config {
         Self::from_text(BUILT_IN, "built-in configuration", Path::new(""), overrides)
     }
 
-    /// A file, or without one the built-in configuration.
+    /// Loads a file, or the built-in configuration if no file is given.
     pub fn load_or_built_in(path: Option<&Path>, overrides: &[String]) -> Result<Self, ConfigError> {
         path.map_or_else(|| Self::built_in(overrides), |path| Self::load(path, overrides))
     }
@@ -244,7 +244,7 @@ impl Config {
         shared.remove("server");
         scene::set_now(&mut table, SystemTime::now());
         let mut pictured = table.clone();
-        // These do not affect pictures, and credentials must not be published with them.
+        // These tables do not affect pictures, and their credentials must not be published with pictures.
         for section in ["server", "headset", "windows", "cluster", "nodes"] {
             pictured.remove(section);
         }
@@ -265,11 +265,12 @@ impl Config {
         })
     }
 
-    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, a landscape, kernels, shapes and
-    /// calibrations, with paths relative to the working directory, or absolute ones. Files that these files name in turn are not included.
+    /// Returns the files that pictures depend on and that the configuration names: catalogues, point-spread functions, textures, a landscape,
+    /// kernels, shapes and calibrations. Paths are absolute or relative to the working directory. Files that these files name in turn are not
+    /// included.
     pub fn named_files(&self) -> Vec<PathBuf> {
         let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
-            // The index of a deep store has a checksum of everything else.
+            // The index of a deep store contains checksums of everything else in the store.
             StarSource::File(path) if is_deep_store(&path) => Some(path.join(deep::index::NAME)),
             StarSource::File(path) | StarSource::Light(LightMap { path, .. }) => Some(path),
             StarSource::Bright | StarSource::BrightVariable | StarSource::Galaxy(_) => None,
@@ -416,7 +417,7 @@ impl Config {
         let mut views = Vec::with_capacity(self.views.len());
         for (index, config) in self.views.iter().enumerate() {
             if let Some(first) = self.views[..index].iter().position(|other| other.name == config.name) {
-                let problem = format!("views[{first}] has this name too: names must be unique");
+                let problem = format!("views[{first}] also has this name: names must be unique");
                 return Err(VIEWS.fault(index, Some(&config.name), KeyError::new("name", problem)));
             }
             views.push(config.view(Some(&self.folder)).map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
@@ -434,7 +435,7 @@ impl Config {
         )
     }
 
-    /// The overlay; the paths of its files are relative to `folder`. With `None`, no file is read.
+    /// The overlay. The paths of its files are relative to `folder`; if it is `None`, no file is read.
     fn build_overlay(&self, folder: Option<&Path>) -> Result<Overlay, KeyError> {
         let patterned = self.views.iter().filter(|view| view.test_pattern);
         let names = patterned.map(|view| view.name.clone()).collect();
@@ -509,7 +510,7 @@ impl Config {
         self.asteroid_fields.iter().enumerate().map(spec).collect()
     }
 
-    /// Specifications of the asteroid fields, with paths relative to the working directory, or absolute ones.
+    /// Specifications of the asteroid fields. Paths are absolute or relative to the working directory.
     pub fn field_specs(&self) -> Result<Vec<Arc<FieldSpec>>, ConfigError> {
         self.specs().map_err(|fault| self.error(fault))
     }
@@ -572,7 +573,7 @@ impl Config {
         Ok(())
     }
 
-    /// The star catalogues, with paths relative to the working directory, or absolute ones.
+    /// The star catalogues. Paths are absolute or relative to the working directory.
     pub fn star_sources(&self) -> Vec<StarSource> {
         self.scene
             .catalogues

@@ -1,6 +1,6 @@
 //! Names of views, which become names of files.
 
-/// Names that Windows reserves for devices, also if they have an extension.
+/// Names that Windows reserves for devices, even if they have an extension.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
 /// Whether Windows reserves a name for a device.
@@ -13,7 +13,8 @@ fn is_device(name: &str) -> bool {
     DEVICES.contains(&name.as_str()) || is_port("com") || is_port("lpt")
 }
 
-/// Returns the names that some file systems cannot use for files in the same folder as those of earlier names, each with its index and the reason.
+/// Returns the names that some file systems cannot use for files, or not in one folder with the files of an earlier name. Each result has the index
+/// of the name and the reason.
 pub(super) fn faults_in_files(names: &[&str]) -> Vec<(usize, String)> {
     let fault = |(index, name): (usize, &&str)| {
         if is_device(name) {
@@ -24,7 +25,7 @@ pub(super) fn faults_in_files(names: &[&str]) -> Vec<(usize, String)> {
         }
         let twin = names[..index].iter().position(|before| before.eq_ignore_ascii_case(name))?;
         let problem = format!(
-            "differs from views[{twin}] (view `{}`) only in its case: on Windows and macOS one would replace the other's files",
+            "differs from views[{twin}] (view `{}`) only in its case: on Windows and macOS, the files of one would replace those of the other",
             names[twin]
         );
         Some((index, problem))

@@ -26,7 +26,7 @@ pub struct ObserverConfig {
     /// Longitude, east positive.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub longitude_deg: f64,
-    // The range is from the deepest places to far above the air.
+    // The range extends from the deepest places to far above the air.
     /// Height above the ellipsoid.
     #[serde(default)]
     #[schemars(range(min = -12_000.0, max = 1e6), extend("x-unit" = "m"))]
@@ -40,14 +40,14 @@ pub struct ObserverConfig {
     /// Angle by which the top of the picture is turned to the left; 0 by default.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub roll_deg: Option<f64>,
-    /// A direction in another frame, or a body, instead of these keys. The camera follows a body in the horizon frame, unless `look` names another
-    /// frame.
+    /// A direction in another frame, or a body, instead of these three keys. The camera follows a body in the horizon frame, unless `look` names
+    /// another frame.
     pub look: Option<Look>,
     /// UT1 - UTC as the IERS has measured it: 0.1 s turns the sky by 1.5 arcseconds. Before 1972 it is UT1 minus civil time.
     #[serde(default)]
     #[schemars(range(min = -1.0, max = 1.0), extend("x-unit" = "s"))]
     pub ut1_minus_utc_s: f64,
-    /// TT - UT1; by default from leap seconds since 1972, and estimated before (Espenak and Meeus 2006).
+    /// TT - UT1. By default it follows from the leap seconds for times since 1972, and is estimated for earlier times (Espenak and Meeus 2006).
     #[schemars(range(min = -1e6, max = 1e6), extend("x-unit" = "s"))]
     pub delta_t_s: Option<f64>,
     /// The air.
@@ -108,7 +108,7 @@ impl ObserverConfig {
             [("azimuth_deg", self.azimuth_deg), ("altitude_deg", self.altitude_deg), ("roll_deg", self.roll_deg)];
         if let Some(look) = &self.look {
             if let Some((key, _)) = given.into_iter().find(|(_, given)| given.is_some()) {
-                return Err(KeyError::new(key, "look is given too: give at most one of them"));
+                return Err(KeyError::new(key, "look is also given: give at most one of them"));
             }
             let at_body = look.at.is_some() && look.frame.is_none();
             let look = Look { frame: if at_body { Some(Frame::Horizon) } else { look.frame }, ..look.clone() };

@@ -1,4 +1,4 @@
-//! `[overlay]`: pictures, grids, trajectories and labels over display images. Test patterns are `test_pattern = true` of a view.
+//! `[overlay]`: pictures, grids, trajectories and labels that are drawn over display images. Test patterns are keys of views (`test_pattern = true`).
 
 use std::{
     path::{Path, PathBuf},

@@ -1,5 +1,5 @@
-//! Overrides: `--set key=value` changes the tables of a configuration before they are interpreted, so that an override is checked exactly as the file
-//! is.
+//! Overrides: `--set key=value` changes the tables of a configuration before they are interpreted, so that an override is checked in the same way as
+//! the file.
 //!
 //! The key is a dotted path. An element of a list is named by its index from 0. A view can also be named by its name, which takes precedence if it is
 //! a number: `exposure.ev100=2`, `views.dome.fov_deg=210`, `scene.catalogues.0=my.csv`. The value is TOML; text that is not a TOML value, and does

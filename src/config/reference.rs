@@ -34,7 +34,7 @@ const SECTIONS: [&str; 16] = [
     "server",
 ];
 
-/// Units by the ending of a key, longer endings first.
+/// Units of keys, by the ending of the key. Longer endings come first.
 const UNITS: [(&str, &str); 21] = [
     ("_cd_m2", "cd/m²"),
     ("_deg_s", "deg/s"),
@@ -105,7 +105,7 @@ pub(super) fn time(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": "string", "anyOf": [{ "format": "date-time" }, { "const": "now" }, { "pattern": text }] })
 }
 
-/// The JSON Schema of a configuration, draft 7, without references.
+/// Returns the JSON Schema of a configuration, draft 7, without references.
 pub fn schema() -> Value {
     let mut schema = schema_of::<Sections>().clone();
     tidy(&mut schema);
@@ -114,11 +114,11 @@ pub fn schema() -> Value {
     change_at(&mut schema, &["views[]", "faces[]"], &mut |text| text["enum"] = json!(all_faces()));
     schema["title"] = json!("Configuration of Steradian");
     schema["description"] =
-        json!("Scene, views and settings of Steradian; docs/configuration.md is the same as a page.");
+        json!("Scene, views and settings of Steradian; docs/configuration.md has the same content as a page.");
     schema
 }
 
-/// Removes null, which TOML does not have, and formats of numbers, which editors do not know, and writes times as TOML does.
+/// Removes null, which TOML does not have, and number formats, which editors do not know. Writes times as TOML does.
 fn tidy(schema: &mut Value) {
     match schema {
         Value::Array(values) => values.iter_mut().for_each(tidy),
@@ -135,7 +135,7 @@ fn tidy(schema: &mut Value) {
             if let Some(Value::Array(forms)) = object.get_mut("anyOf") {
                 forms.retain(|form| !null(form));
                 if let [Value::Object(only)] = forms.as_slice() {
-                    // Properties of the key override those of its type.
+                    // Properties of the key override the properties of its type.
                     let mut only = only.clone();
                     object.remove("anyOf");
                     only.append(object);
@@ -147,7 +147,7 @@ fn tidy(schema: &mut Value) {
                 Some(Value::Null) => {
                     object.remove("default");
                 }
-                // The defaults of a table are those of its keys.
+                // The defaults of a table are the defaults of its keys.
                 Some(Value::Object(_)) if is_object => {
                     object.remove("default");
                 }
@@ -169,7 +169,7 @@ fn tidy(schema: &mut Value) {
     }
 }
 
-/// Calls `change` with every schema at a path, in all alternatives.
+/// Calls `change` with every schema at a path, including those in alternatives.
 fn change_at(schema: &mut Value, path: &[&str], change: &mut dyn FnMut(&mut Value)) {
     for form in ["oneOf", "anyOf"] {
         if let Some(Value::Array(forms)) = schema.get_mut(form) {
@@ -189,12 +189,12 @@ fn change_at(schema: &mut Value, path: &[&str], change: &mut dyn FnMut(&mut Valu
     change_at(inner, rest, change);
 }
 
-/// The page of all keys, Markdown.
+/// Returns the page of all keys as Markdown.
 pub fn page() -> String {
     let schema = schema();
     let mut page = Page { text: HEAD.to_owned(), printed: Vec::new() };
     let properties = properties(&schema);
-    // Tables of views are not written again.
+    // Tables of views that repeat a section are not written again.
     for section in OF_VIEWS {
         let mut schema = schema.clone();
         change_at(&mut schema, &["views[]", section], &mut |table| {
@@ -248,7 +248,7 @@ impl Page {
     fn table(&mut self, heading: &str, path: &str, schema: &Value) {
         self.text.push_str(&format!("\n## {heading}\n"));
         let text = schema["description"].as_str().unwrap_or_default();
-        // Remove the name of the table, with which the text of a type begins: "`[stars]`: how stars are drawn.".
+        // Remove the name of the table from the beginning of the type's text, such as "`[stars]`: how stars are drawn.".
         let text = if text.starts_with("`[") { text.split_once("`: ").map_or("", |(_, text)| text) } else { text };
         if !text.is_empty() {
             self.text.push_str(&format!("\n{text}\n"));
@@ -300,7 +300,7 @@ impl Page {
     }
 }
 
-/// The row of a key.
+/// Writes the row of a key.
 fn row(key: &str, type_of: &str, schema: &Value, needed: bool) -> String {
     let default = match schema.get("default") {
         Some(value) => format!("`{}`", toml_value(value)),
@@ -325,7 +325,7 @@ fn list(values: &[Value]) -> String {
     values.iter().map(|value| format!("`{}`", toml_value(value))).collect::<Vec<_>>().join(", ")
 }
 
-/// The range of a number, of the elements of a list, or of the first form that has one.
+/// Returns the range of a number, of the elements of a list, or of the first alternative that has a range.
 fn range_of(schema: &Value) -> Option<Range> {
     let first = || schema["anyOf"].as_array()?.iter().find_map(range_of);
     Range::of_schema(schema).or_else(|| range_of(schema.get("items")?)).or_else(first)
@@ -369,7 +369,7 @@ fn unit_of(key: &str, schema: &Value) -> &'static str {
     unit.filter(|_| counts).map_or("", |(_, unit)| unit)
 }
 
-/// A default, written as TOML.
+/// Formats a default value as TOML.
 fn toml_value(value: &Value) -> String {
     match value {
         Value::Array(values) => format!("[{}]", values.iter().map(toml_value).collect::<Vec<_>>().join(", ")),

@@ -30,16 +30,19 @@ use crate::units::J2000_UNIX_S;
 pub struct SceneConfig {
     /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, TSV, ECSV, JSON, VOTable, FITS or Parquet, also compressed with gzip; or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that does not come from single stars.
     pub catalogues: Vec<CatalogueConfig>,
-    /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute. Dates are of the Gregorian calendar, also before 1582.
-    /// Text may have a signed year from `"-6000-01-01T00:00:00Z"` (year 0 is 1 BC) to `"+10000-12-31T23:59:59Z"`, end with ` julian` for a date of the Julian calendar, or be a Julian date, `"JD 2451545.0"`, or a modified one, `"MJD 51544.5"`.
+    /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next
+    /// minute. Dates are of the Gregorian calendar, even before 1582. Text may have a signed year from `"-6000-01-01T00:00:00Z"` (year 0 is 1 BC) to
+    /// `"+10000-12-31T23:59:59Z"`, end with ` julian` for a date of the Julian calendar, or be a Julian date, `"JD 2451545.0"`, or a modified one,
+    /// `"MJD 51544.5"`.
     #[schemars(schema_with = "super::reference::time")]
     pub time: WrittenTime,
-    /// Seconds of the scene per real second in `serve`, `show` and `xr`; negative: backwards. The default is 1 with `time = "now"`, otherwise 0.
+    /// Seconds of the scene per real second in `serve`, `show` and `xr`; time runs backwards if it is negative. The default is 1 with `time = "now"`,
+    /// otherwise 0.
     #[schemars(range(min = -SceneClock::MOST_RATE, max = SceneClock::MOST_RATE))]
     pub time_rate: f64,
-    /// An observer on the Earth, from whose place the scene is seen.
+    /// An observer on the Earth; the scene is seen from this place.
     pub observer: Option<ObserverConfig>,
-    /// SPK kernels of the SPICE toolkit for bodies with `ephemeris = "spk:NUMBER"`; later files take precedence. They are held in memory.
+    /// SPK kernels of the SPICE toolkit for bodies with `ephemeris = "spk:NUMBER"`; later files take precedence. The kernels are kept in memory.
     pub kernels: Vec<PathBuf>,
     /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, at their places at the scene's time. This is the default
     /// if there is an observer. Bodies of the same name, preset or ephemeris replace them.
@@ -47,8 +50,8 @@ pub struct SceneConfig {
     /// Whether the zodiacal light and the gegenschein are drawn, as seen from the Earth. They require an observer and the Solar System, and are drawn
     /// by default if both are present.
     pub zodiacal_light: Option<bool>,
-    /// Whether ten variable stars of `builtin:bright`, such as Algol, delta Cephei and Mira, have their brightness at the scene's time, see
-    /// [catalogues.md](catalogues.md#variable-stars).
+    /// Whether ten variable stars of `builtin:bright`, such as Algol, delta Cephei and Mira, have the brightness that they have at the scene's time,
+    /// see [catalogues.md](catalogues.md#variable-stars).
     pub variable_stars: bool,
     /// Initial camera pose and velocity.
     pub camera: CameraConfig,
@@ -70,7 +73,7 @@ impl Default for SceneConfig {
     }
 }
 
-/// Replaces `scene.time = "now"` by the current time, with a default time rate of 1, so that the same pictures can be made again.
+/// Replaces `scene.time = "now"` by the current time, so that the same pictures can be made again. The default time rate is then 1.
 pub(super) fn set_now(document: &mut Table, now: SystemTime) {
     let Some(scene) = document.get_mut("scene").and_then(Value::as_table_mut) else { return };
     if scene.get("time").and_then(Value::as_str) != Some("now") {
@@ -113,7 +116,7 @@ pub struct LightConfig {
     pub file: PathBuf,
     /// Unit of the numbers.
     pub unit: LightUnit,
-    /// Colour of the whole map: that of a star with this B-V, magnitudes.
+    /// Colour of the whole map, as the B-V of a star with the same colour, magnitudes.
     #[serde(default = "background_b_v")]
     #[schemars(range(min = -0.5, max = 3.0), extend("x-unit" = "magnitudes"))]
     pub b_v: f64,
@@ -172,10 +175,10 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<CatalogueConfig, E> {
         match name.strip_prefix("builtin:") {
-            _ if name.is_empty() => Err(E::custom("an empty name: must be \"builtin:bright\" or a file")),
+            _ if name.is_empty() => Err(E::custom("the name is empty: must be \"builtin:bright\" or a file")),
             Some("bright") | None => Ok(CatalogueConfig::Named(name.to_owned())),
             Some("galaxy") => Err(E::custom(
-                "`builtin:galaxy` needs its numbers: write { galaxy = { stars = 300000, seed = 1, fainter_than = 6.5 } }",
+                "`builtin:galaxy` needs parameters: write { galaxy = { stars = 300000, seed = 1, fainter_than = 6.5 } }",
             )),
             Some(_) => Err(E::custom(format!("unknown built-in catalogue `{name}`: must be `builtin:bright`"))),
         }
@@ -222,7 +225,7 @@ impl CameraConfig {
     fn aim(&self) -> Result<Option<Aim>, KeyError> {
         let Some(look) = &self.look else { return Ok(None) };
         if self.orientation.is_some() {
-            return Err(KeyError::new("look", "orientation is given too: give at most one of orientation and look"));
+            return Err(KeyError::new("look", "orientation is also given: give at most one of orientation and look"));
         }
         let aim = look.aim().map_err(|fault| fault.within("look"))?;
         if aim.frame == Frame::Horizon {
@@ -232,7 +235,7 @@ impl CameraConfig {
         Ok(Some(aim))
     }
 
-    /// The camera at a position with an orientation; an error names the key below `scene.camera`.
+    /// Returns the camera with this position and orientation; an error names the key below `scene.camera`.
     pub(super) fn camera(&self, position_m: Option<DVec3>, turned: Option<DQuat>) -> Result<Camera, KeyError> {
         let position_m = position_m.map_or(self.position_m.unwrap_or_default(), |place_m| place_m.to_array());
         let orientation = turned.unwrap_or_default().to_array();
@@ -256,17 +259,18 @@ impl SceneConfig {
             observer.check_surroundings().map_err(|fault| fault.within("observer"))?;
         }
         if self.observer.is_some() && self.camera != CameraConfig::default() {
-            let problem = "scene.observer is given too, and determines the camera's position and direction: give only one of them";
+            let problem = "scene.observer is also given, and determines the camera's position and direction: give only one of them";
             return Err(KeyError::new("camera", problem));
         }
         if self.zodiacal_light == Some(true) && !self.may_have_zodiacal_light() {
-            let problem = "has no effect: the zodiacal light is that seen from the Earth, and requires scene.observer and the Solar System";
+            let problem = "has no effect: the zodiacal light is drawn as seen from the Earth, so it requires scene.observer and the Solar System";
             return Err(KeyError::new("zodiacal_light", problem));
         }
         let is_bright =
             |catalogue: &CatalogueConfig| matches!(catalogue, CatalogueConfig::Named(name) if name == bright::NAME);
         if self.variable_stars && !self.catalogues.iter().any(is_bright) {
-            let problem = "has no effect: the variable stars are those of \"builtin:bright\", which scene.catalogues does not list";
+            let problem =
+                "has no effect: the variable stars belong to \"builtin:bright\", which scene.catalogues does not list";
             return Err(KeyError::new("variable_stars", problem));
         }
         Ok(())
@@ -278,7 +282,7 @@ impl SceneConfig {
         self.time.time_s()
     }
 
-    /// The direction of the camera, if it is given by a direction or a body; an error names the key below `scene`.
+    /// Returns the direction of the camera if `look` or the observer's keys give it; an error names the key below `scene`.
     pub(super) fn aim(&self) -> Result<Option<Aim>, KeyError> {
         match &self.observer {
             Some(observer) => observer.aim().map(Some).map_err(|fault| fault.within("observer")),

@@ -12,7 +12,7 @@ use crate::ranges::KeyError;
 
 /// Prefix of the path of a Unix socket.
 pub const UNIX_PREFIX: &str = "unix:";
-/// Most characters in the name of a token or certificate.
+/// Maximum number of characters in the name of a token or certificate.
 const MOST_NAME: usize = 64;
 
 /// `[server]`.
@@ -23,11 +23,11 @@ pub struct ServerConfig {
     /// address requires `tls`, and either `tokens` or `certificates`.
     #[serde(deserialize_with = "address")]
     pub listen: String,
-    /// Host names, without ports, by which clients may call the daemon, in addition to `localhost` and IP addresses. Requests with other names, and
-    /// those from pages of other sites, are refused.
+    /// Host names, without ports, under which clients may reach the daemon, in addition to `localhost` and IP addresses. Requests that use other
+    /// names, and requests from web pages of other sites, are refused.
     pub hosts: Vec<String>,
-    /// File in which changes by clients are kept. They are on disk before they are acknowledged, and the daemon continues with them when it is
-    /// restarted. Absent: they are lost when the daemon ends.
+    /// File that keeps the changes made by clients. A change is on disk before it is acknowledged, and after a restart the daemon continues with all
+    /// changes. Absent: changes are lost when the daemon ends.
     pub state: Option<PathBuf>,
     /// Encrypts connections.
     pub tls: Option<TlsConfig>,
@@ -45,7 +45,7 @@ pub struct TlsConfig {
     pub certificate: PathBuf,
     /// The daemon's private key, PEM.
     pub key: PathBuf,
-    /// Certificates of the authorities that sign client certificates, PEM. Absent: clients have no certificates.
+    /// Certificates of the authorities that sign client certificates, PEM. Absent: client certificates are not used.
     pub client_ca: Option<PathBuf>,
 }
 
@@ -57,7 +57,7 @@ pub struct TokenConfig {
     pub name: String,
     /// Permissions of the holder.
     pub role: Role,
-    /// SHA-256 of the token, 64 hexadecimal digits; `steradian token` makes both.
+    /// SHA-256 of the token, 64 hexadecimal digits. `steradian token` makes the token and its SHA-256.
     #[schemars(with = "String")]
     pub sha256: Sha256Hex,
 }
@@ -74,15 +74,15 @@ pub struct CertificateConfig {
     pub file: PathBuf,
 }
 
-/// Permissions of a client; each role includes those before it.
+/// Permissions of a client; each role includes the permissions of the preceding roles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// See views, figures and settings.
+    /// May see views, figures and settings.
     View,
-    /// Move the camera, and change scene and views.
+    /// May move the camera, and change the scene and the views.
     Steer,
-    /// Load snapshots, and run checks.
+    /// May load snapshots, and run checks.
     Admin,
 }
 
@@ -127,7 +127,7 @@ impl<'de> Deserialize<'de> for Sha256Hex {
             .map(|digits| digits.chunks(2).map(|pair| pair.iter().fold(0, |sum, digit| 16 * sum + digit)).collect());
         let bytes = pairs.filter(|_| text.len() == 64).and_then(|bytes| bytes.try_into().ok());
         bytes.map(Self).ok_or_else(|| {
-            D::Error::custom("must be the 64 hexadecimal digits of a SHA-256, as `steradian token` prints them, and never the token itself")
+            D::Error::custom("must be the 64 hexadecimal digits of a SHA-256, as `steradian token` prints them, not the token itself")
         })
     }
 }
@@ -155,16 +155,16 @@ fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Erro
 pub fn parse_listen(text: &str) -> Result<String, String> {
     if let Some(path) = text.strip_prefix(UNIX_PREFIX) {
         return match path {
-            "" => Err(format!("`{text}` has no path: must be such as \"unix:/run/steradian/socket\"")),
+            "" => Err(format!("`{text}` has no path: must have the form of \"unix:/run/steradian/socket\"")),
             _ => Ok(text.to_owned()),
         };
     }
     let (host, port) = text.rsplit_once(':').unwrap_or((text, ""));
-    // An IPv6 address needs brackets: without them its last group could be a port.
+    // An IPv6 address needs brackets: without them, its last group could be taken for a port.
     let bare_ipv6 = host.contains(':') && !(host.starts_with('[') && host.ends_with(']'));
     if host.is_empty() || bare_ipv6 || port.parse::<u16>().is_err() {
         return Err(format!(
-            "`{text}` is not a host with a port: must be such as \"127.0.0.1:7143\", \"[::]:7143\", \"localhost:0\" and \"unix:PATH\""
+            "`{text}` is not a host with a port: must have the form of \"127.0.0.1:7143\", \"[::]:7143\", \"localhost:0\" or \"unix:PATH\""
         ));
     }
     Ok(text.to_owned())
@@ -179,8 +179,8 @@ pub(crate) fn check_holder(name: &str) -> Result<(), String> {
     Err(format!("`{name}`: must have between 1 and {MOST_NAME} characters, without control and format characters"))
 }
 
-/// Returns the reason why no client can call the daemon by this name; `None`: the name is possible. Clients write names in other scripts in the form
-/// `xn--...`.
+/// Returns the reason why no client can reach the daemon under this name; `None` if the name is possible. Clients write names in other scripts in the
+/// form `xn--...`.
 fn host_fault(host: &str) -> Option<&'static str> {
     let is_label = |label: &str| {
         let is_known = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -189,23 +189,23 @@ fn host_fault(host: &str) -> Option<&'static str> {
     if host.is_empty() {
         Some("it is empty")
     } else if host.contains("://") || host.contains('/') {
-        Some("it is an address of a page: write the name alone")
+        Some("it is the address of a page: write only the host name")
     } else if host.parse::<IpAddr>().is_ok() || host.starts_with('[') {
-        Some("it is an address: addresses need no entry")
+        Some("it is an IP address, which needs no entry")
     } else if host.contains(':') {
-        Some("it has a port: names are without ports")
+        Some("it has a port: write the name without the port")
     } else if host.contains('*') {
         Some("it has a wildcard: write each name")
     } else if !host.is_ascii() {
-        Some("clients write it in the form xn--...: write that")
+        Some("clients use the form xn--... of this name: write that form")
     } else if host.len() > 253 || !host.split('.').all(is_label) {
-        Some("must have letters, digits and hyphens between dots")
+        Some("must consist of letters, digits and hyphens, with parts separated by dots")
     } else {
         None
     }
 }
 
-/// Checks the names by which clients call the daemon. The log identifies holders by their names, so they must be unique.
+/// Checks the names under which clients reach the daemon. The log identifies holders by their names, so they must be unique.
 pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
     for (index, host) in server.hosts.iter().enumerate() {
         if let Some(problem) = host_fault(host) {
@@ -252,12 +252,12 @@ mod tests {
         }
         for (host, part) in [
             ("dome.local:17200", "it has a port"),
-            ("http://dome.local", "it is an address of a page"),
+            ("http://dome.local", "it is the address of a page"),
             ("*.example.org", "it has a wildcard"),
             ("dome.local.", "letters, digits and hyphens"),
             ("b\u{fc}cher.example", "xn--"),
-            ("10.0.0.7", "addresses need no entry"),
-            ("[::1]", "addresses need no entry"),
+            ("10.0.0.7", "it is an IP address"),
+            ("[::1]", "it is an IP address"),
             ("a b", "letters, digits and hyphens"),
             ("", "it is empty"),
         ] {

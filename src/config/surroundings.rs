@@ -20,26 +20,28 @@ use crate::scene::{
     surroundings::{Ground, Horizon},
 };
 
-/// Colour temperature of the night sky, whose light comes mostly from the Sun and stars, K: measured B - V is 0.7 to 1.
+/// Colour temperature of the night sky, K. Its light comes mostly from the Sun and stars; its measured B - V is 0.7 to 1.
 const GLOW_K: f64 = 5772.0;
-/// Above this height no air is drawn, m. At this height the zenith has 1 cd/m^2 by day, and the standard atmosphere ends.
+/// Height above which no air is drawn, m. At this height, the zenith has 1 cd/m^2 by day, and the standard atmosphere ends.
 const HIGHEST_M: f64 = 50_000.0;
 /// Maximum number of points of a horizon.
 pub const MOST_POINTS: usize = 10_000;
 
-/// The air. It absorbs light, more of it near the horizon, refracts light, and scatters the light of the Sun and the Moon.
+/// The air. It absorbs light (more of it near the horizon), refracts light, and scatters the light of the Sun and the Moon.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AirConfig {
     /// Whether there is air. Above a height of 50 km none is drawn.
     pub enabled: bool,
-    /// Extinction in the V band per air mass, magnitudes; 0: no air. The default is that of clear air at the observer's height: 0.2 at sea level.
+    /// Extinction in the V band per air mass, magnitudes; 0 means no air. The default is that of clear air at the observer's height: 0.2 at sea
+    /// level.
     #[schemars(range(min = 0.0, max = 2.0), extend("x-unit" = "magnitudes"))]
     pub extinction_mag: Option<f64>,
     /// Brightness of the zenith on a dark night without stars and planets: V magnitudes per square arcsecond; 22 far from all lamps, 18 in a town.
     #[schemars(range(min = 10.0, max = 30.0), extend("x-unit" = "magnitudes per square arcsecond"))]
     pub night_sky_mag: f64,
-    /// Pressure at the observer, which determines refraction; 0: no refraction. The default is that of the standard atmosphere at the observer's height.
+    /// Pressure at the observer, which determines refraction; 0 means no refraction. The default is that of the standard atmosphere at the observer's
+    /// height.
     #[schemars(range(min = 0.0, max = 1200.0), extend("x-unit" = "hPa"))]
     pub pressure_hpa: Option<f64>,
     /// Temperature at the observer, degrees Celsius; the default is that of the standard atmosphere.
@@ -51,18 +53,18 @@ pub struct AirConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GroundConfig {
-    /// Whether there is ground. Without it the sky below the horizon mirrors the sky above it; stars, planets and the Moon are visible below the
-    /// horizon, but a Sun that has set is not.
+    /// Whether there is ground. Without ground, the sky below the horizon mirrors the sky above it. Stars, planets and the Moon are then visible
+    /// below the horizon, but a Sun that has set is not.
     pub enabled: bool,
     /// Share of the incident light that the ground reflects.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub albedo: f64,
-    /// The horizon line, as pairs of azimuth, 0 to 360 in rising order, and altitude, -90 to 90; with straight lines between them, all the way
-    /// around. Two points with the same azimuth are a vertical wall. A point at 360 closes the line; it must have the altitude of the point at 0 if
-    /// there is one. Empty: the horizon of the sea, below altitude 0 by its dip at the observer's height.
+    /// The horizon line, as pairs of azimuth (0 to 360, in rising order) and altitude (-90 to 90). Straight lines connect the points, all the way
+    /// around. Two points with the same azimuth form a vertical wall. A point at 360 closes the line; it must have the altitude of the point at 0 if
+    /// there is one. Empty: the horizon of the sea, which is below altitude 0 by the dip at the observer's height.
     pub horizon_deg: Vec<[f64; 2]>,
-    /// A panorama instead of that line: a PNG with alpha, twice as wide as high, azimuth growing to the right, the zenith at the top. Its colour is the reflectance, its alpha the opacity
-    /// in front of the sky. Relative paths start at the configuration's folder.
+    /// A panorama instead of that line: a PNG with alpha, twice as wide as high. Azimuth increases to the right, and the zenith is at the top. The
+    /// colour is the reflectance, and alpha is the opacity in front of the sky. Relative paths start at the configuration's folder.
     pub landscape: Option<PathBuf>,
     /// Azimuth of the middle of the panorama.
     #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
@@ -85,7 +87,7 @@ impl AirConfig {
     /// Checks the rules beyond types and ranges, at a height, m; an error names the key below `scene.observer.air`.
     pub(super) fn check(&self, height_m: f64) -> Result<(), KeyError> {
         if self.extinction_mag.is_some() && height_m > HIGHEST_M {
-            let problem = format!("no air is drawn at a height of {height_m} m: leave the key out above {HIGHEST_M} m");
+            let problem = format!("no air is drawn at a height of {height_m} m: omit the key above {HIGHEST_M} m");
             return Err(KeyError::new("extinction_mag", problem));
         }
         Ok(())
@@ -98,13 +100,13 @@ impl AirConfig {
             return Some(format!("at a height of {height_m} m: no air is drawn above {HIGHEST_M} m"));
         }
         if is_of_air && self.extinction_mag == Some(0.0) {
-            return Some("with extinction_mag = 0: there is no air, which would glow and refract".to_owned());
+            return Some("with extinction_mag = 0: there is no air that could glow and refract".to_owned());
         }
         let is_unrefracted = key == "temperature_c" && self.pressure_hpa == Some(0.0);
         is_unrefracted.then(|| "with pressure_hpa = 0: there is no refraction".to_owned())
     }
 
-    /// The air at a height, m; `None` if it is turned off, or above [`HIGHEST_M`], which is logged.
+    /// Returns the air at a height, m; `None` if it is turned off, or if the height is above [`HIGHEST_M`], which is logged.
     pub(super) fn air(&self, height_m: f64) -> Option<Air> {
         if self.enabled && height_m > HIGHEST_M {
             tracing::info!("scene.observer.height_m = {height_m}: no air is drawn above {HIGHEST_M} m");
@@ -138,7 +140,7 @@ impl GroundConfig {
             return Err(KeyError::new("horizon_deg", problem));
         }
         if self.landscape.is_some() && !self.horizon_deg.is_empty() {
-            let problem = "landscape is given too, and its alpha is the horizon: give at most one of them";
+            let problem = "landscape is also given, and its alpha is the horizon: give at most one of them";
             return Err(KeyError::new("horizon_deg", problem));
         }
         for (index, point) in self.horizon_deg.iter().enumerate() {
@@ -148,7 +150,7 @@ impl GroundConfig {
         Ok(())
     }
 
-    /// Checks a point of the horizon line against its range and the points before it.
+    /// Checks that a point of the horizon line is within its range and may follow the preceding points.
     fn check_point(&self, index: usize, [azimuth_deg, altitude_deg]: [f64; 2], key: &str) -> Result<(), String> {
         for value in [azimuth_deg, altitude_deg] {
             finite(key, value).map_err(|fault| fault.problem)?;
@@ -162,10 +164,12 @@ impl GroundConfig {
         let before = &self.horizon_deg[..index];
         let [last, last_altitude] = before.last().copied().unwrap_or([f64::NEG_INFINITY; 2]);
         if azimuth_deg < last {
-            return Err(format!("azimuth {azimuth_deg} does not rise: must be at least {last}, the one before"));
+            return Err(format!(
+                "azimuth {azimuth_deg} does not rise: must be at least {last}, the azimuth of the previous point"
+            ));
         }
         if azimuth_deg == last && altitude_deg == last_altitude {
-            return Err(format!("azimuth {azimuth_deg} and altitude {altitude_deg} are those of the point before"));
+            return Err(format!("azimuth {azimuth_deg} and altitude {altitude_deg} are those of the previous point"));
         }
         if before.iter().rev().take_while(|point| point[0] == azimuth_deg).count() > 1 {
             return Err(format!("a third point of azimuth {azimuth_deg}: a vertical wall has two"));
@@ -175,7 +179,7 @@ impl GroundConfig {
         }
         match before.first().filter(|first| first[0] == 0.0) {
             Some([_, north_deg]) if *north_deg != altitude_deg => Err(format!(
-                "altitude {altitude_deg} at azimuth 360: must be {north_deg}, that of azimuth 0, where the line closes"
+                "altitude {altitude_deg} at azimuth 360: must be {north_deg}, that of azimuth 0, to close the line"
             )),
             _ if last == 360.0 => {
                 Err("a second point of azimuth 360: write a wall in the north with azimuth 0".to_owned())
@@ -214,11 +218,11 @@ mod tests {
         assert!(check(&[]).is_ok() && check(&[[0.0, 90.0], [359.9, -90.0]]).is_ok());
         let wall = &[[0.0, 3.0], [60.0, 2.0], [90.0, 2.0], [90.0, 7.0], [120.0, 7.0]];
         assert!(check(wall).is_ok() && check(&[[0.0, 3.0], [180.0, 5.0], [360.0, 3.0]]).is_ok());
-        // Without a point of azimuth 0, a point of azimuth 360 gives the north.
+        // If there is no point of azimuth 0, a point of azimuth 360 defines the altitude in the north.
         assert!(check(&[[90.0, 3.0], [360.0, 4.0]]).is_ok() && check(&[[360.0, 1.0]]).is_ok());
         for (points, key, part) in [
             (&[[5.0, 1.0], [4.0, 2.0]][..], "horizon_deg[1]", "does not rise"),
-            (&[[5.0, 1.0], [5.0, 1.0]][..], "horizon_deg[1]", "those of the point before"),
+            (&[[5.0, 1.0], [5.0, 1.0]][..], "horizon_deg[1]", "those of the previous point"),
             (&[[5.0, 1.0], [5.0, 2.0], [5.0, 3.0]][..], "horizon_deg[2]", "a third point of azimuth 5"),
             (&[[0.0, 3.0], [360.0, 4.0]][..], "horizon_deg[1]", "must be 3, that of azimuth 0"),
             (&[[0.0, 1.0], [0.0, 3.0], [360.0, 3.0]][..], "horizon_deg[2]", "must be 1"),
@@ -245,7 +249,7 @@ mod tests {
             before = extinction_mag;
         }
         assert_eq!(AirConfig::default().extinction(HIGHEST_M + 1.0), None);
-        // A given extinction has no lower limit either, except that 0 means no air.
+        // Nor does a given extinction have a lower limit, except that 0 means no air.
         let given = |mag: f64| AirConfig { extinction_mag: Some(mag), ..Default::default() }.extinction(0.0);
         assert_eq!([given(0.001), given(0.0)], [Some(0.001), None]);
     }

@@ -38,7 +38,7 @@ impl WrittenTime {
         self.time_s
     }
 
-    /// As TOML: text has quotation marks.
+    /// The time as TOML; text has quotation marks.
     pub fn to_toml(&self) -> String {
         match &self.form {
             Form::Date(date) => date.to_string(),
@@ -46,7 +46,7 @@ impl WrittenTime {
         }
     }
 
-    /// As a value in a TOML document.
+    /// The time as a value in a TOML document.
     pub(super) fn to_value(&self) -> toml::Value {
         match &self.form {
             Form::Date(date) => toml::Value::Datetime(*date),
@@ -66,7 +66,7 @@ impl WrittenTime {
     }
 }
 
-/// As it was written, without quotation marks.
+/// The time as it was written, without quotation marks.
 impl fmt::Display for WrittenTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.form {
@@ -79,7 +79,7 @@ impl fmt::Display for WrittenTime {
 /// Converts a date to TOML's type; `None` outside the years 0 to 9999, and for dates that must name their calendar.
 fn toml_date(DateTime { date: [year, month, day], time, microsecond }: &DateTime) -> Option<Datetime> {
     let small = |value: &i64| u8::try_from(*value).ok();
-    // A date that was left out of the calendar has to name its calendar.
+    // A date that does not exist in the default calendar has to name its calendar.
     if calendar::is_left_out([*year, *month, *day]) {
         return None;
     }
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn times_count_from_noon_of_the_first_of_january_2000() {
-        // Unix times as printed by `date -d`, minus 946,728,000.
+        // These are Unix times as printed by `date -d`, minus 946,728,000.
         for (text, unix_s) in [
             ("2000-01-01T12:00:00Z", 946_728_000.0),
             ("1970-01-01T00:00:00Z", 0.0),

@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use toml::Value;
 
-/// Maximum number of letters in the name of a group, which clients may choose.
+/// Maximum number of characters in the name of a group. Clients may choose such names.
 const MOST_GROUP_LETTERS: usize = 64;
 
 /// An error in the settings of a view.
@@ -35,7 +35,7 @@ fn check_numbers<T: Serialize + JsonSchema + 'static>(keys: &T, name: &str) -> R
     ranges::check::<T>(&table).map_err(|error| error.within(name))
 }
 
-/// The settings of one view with its own exposure, regardless of its group.
+/// Returns the settings of one view with its own exposure, regardless of its group.
 fn settings_alone(general: &RenderSettings, spec: &ViewSpec, folder: &Path) -> Result<ViewSettings, KeyError> {
     let mut settings = ViewSettings::general(general);
     if let Some(own) = &spec.exposure {

@@ -1,7 +1,7 @@
 //! `[[views]]`: the specification of a view, in seven types.
 //!
 //! Configurations, messages of clients and state files all describe a view by a [`ViewSpec`]. [`ViewSpec::view`] converts it to a [`View`] of the
-//! rig, in radians. The keys of [`ViewSpec`] and of [`ViewGeometry`] are common to all types; the others belong to the type, and a key of another
+//! rig, in radians. The keys of [`ViewSpec`] and of [`ViewGeometry`] are common to all types; the other keys belong to a type, and a key of another
 //! type counts as unknown.
 
 use std::path::Path;
@@ -87,7 +87,7 @@ pub enum ViewKindSpec {
     DomeMaster(DomeMasterSpec),
     /// `equirectangular`.
     Equirectangular(EquirectangularSpec),
-    /// `projector`. Its calibration is a file, so only configurations have it.
+    /// `projector`. Its calibration is a file, so only configurations can have this type.
     #[serde(skip)]
     Projector(Box<ProjectorConfig>),
 }
@@ -125,14 +125,14 @@ pub struct PerspectiveSpec {
     /// Width and height.
     #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: [u32; 2],
-    /// Vertical field of view; the horizontal one must not exceed 178 degrees either.
+    /// Vertical field of view. The horizontal field of view also must not exceed 178 degrees.
     #[schemars(range(max = 178.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
     pub fov_y_deg: Option<f64>,
     /// Off-axis field of view by its four edges.
     pub fov: Option<FovSpec>,
 }
 
-/// Two eyes: needs either `fov` (left eye, mirrored for the right eye) or both `fov_left` and `fov_right`.
+/// Flat views for two eyes. Needs either `fov` (left eye, mirrored for the right eye) or both `fov_left` and `fov_right`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StereoSpec {
@@ -211,7 +211,7 @@ pub struct DomeMasterSpec {
     #[serde(default)]
     #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub tilt_deg: f64,
-    /// Interpupillary distance: makes a picture for each eye, in omni-directional stereo.
+    /// Interpupillary distance. If it is given, there is a picture for each eye, in omni-directional stereo.
     #[schemars(range(min = 0.0, max = 2.0 * MAX_EYE_OFFSET_M), extend("x-unit" = "m"))]
     pub ipd_m: Option<f64>,
 }
@@ -252,13 +252,13 @@ impl From<PackingConfig> for Packing {
     }
 }
 
-/// Keys of a type, from its schema.
+/// Returns the keys of a type, from its schema.
 fn keys_of<T: JsonSchema + 'static>() -> Vec<&'static str> {
     schema_of::<T>()["properties"].as_object().into_iter().flatten().map(|(key, _)| key.as_str()).collect()
 }
 
 impl ViewSpec {
-    /// Names of the keys that all types of views have, except those of the geometry.
+    /// Returns the names of the keys that all types of views have, except those of the geometry.
     pub fn shared_keys() -> Vec<&'static str> {
         keys_of::<Self>()
     }
@@ -309,7 +309,7 @@ impl ViewSpec {
     }
 
     /// Converts the view to another type with the same keys, such as a message. Keys with default values are left out. A geometry that only the
-    /// program or the configuration can give is left out too.
+    /// program or the configuration can give is also left out.
     ///
     /// # Errors
     ///
@@ -358,7 +358,7 @@ impl ViewSpec {
     }
 }
 
-/// Removes the keys from a table.
+/// Removes the given keys from a table, and returns them with their values.
 fn taken(table: &mut Table, keys: &[&str]) -> Value {
     Value::Table(keys.iter().filter_map(|key| table.remove_entry(*key)).collect())
 }
@@ -481,7 +481,7 @@ fn text(table: &mut Table, key: &str, valid: &str) -> Result<String, KeyError> {
 }
 
 impl ViewKindSpec {
-    /// Name in configurations; empty for a view that has no keys.
+    /// Name of the type in configurations; empty for a view that has no keys.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Custom => "",
@@ -502,7 +502,7 @@ impl ViewKindSpec {
                 KeyError::new(key, error.to_string())
             }
             ProjectionError::OutOfRange { parameter, value, allowed } => {
-                // Converted from degrees to radians and back: round off the error of both.
+                // The value was converted from degrees to radians and back: round off the error of both conversions.
                 let value = (value * 1e9).round() / 1e9;
                 KeyError::new(*parameter, format!("{value}: {allowed}"))
             }
@@ -521,7 +521,7 @@ impl ViewKindSpec {
                 }
                 (None, Some(fov)) => ViewKind::OffAxis { size: view.size, fov: fov.radians("fov")? },
                 (Some(_), Some(_)) => {
-                    return Err(KeyError::new("fov", "fov_y_deg is given too: give exactly one of fov and fov_y_deg"));
+                    return Err(KeyError::new("fov", "fov_y_deg is also given: give exactly one of fov and fov_y_deg"));
                 }
                 (None, None) => {
                     return Err(KeyError::new("fov_y_deg", "missing key: give exactly one of fov_y_deg and fov"));

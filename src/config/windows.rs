@@ -11,13 +11,13 @@ use crate::view::{Part, Rig, View, check_name};
 
 /// Maximum number of windows; each holds images on the adapter.
 pub const MOST_WINDOWS: usize = 64;
-/// Largest coordinate and side of a window, pixels: X11 has 16 bits for them.
+/// Largest coordinate and largest side of a window, pixels: X11 stores them in 16 bits.
 const MOST_PX: i32 = 32_767;
 
 /// The monitor that a window is on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MonitorChoice {
-    /// By a text of its EDID: `VENDOR-PRODUCT-SERIAL`, its name or its serial number.
+    /// By a text from its EDID: `VENDOR-PRODUCT-SERIAL`, its name or its serial number.
     Edid(String),
     /// By its number from 1, from left to right and then from top to bottom.
     Number(u32),
@@ -58,7 +58,7 @@ impl<'de> Visitor<'de> for MonitorVisitor {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<MonitorChoice, E> {
         if name.is_empty() {
-            return Err(E::custom("an empty name: must be the name of a connector, such as \"DP-1\""));
+            return Err(E::custom("the name is empty: must be the name of a connector, such as \"DP-1\""));
         }
         Ok(MonitorChoice::Name(name.to_owned()))
     }
@@ -78,7 +78,7 @@ impl<'de> Visitor<'de> for MonitorVisitor {
         let EdidEntry { edid } = EdidEntry::deserialize(MapAccessDeserializer::new(map))?;
         if edid.is_empty() {
             return Err(A::Error::custom(
-                "edid: an empty text: `steradian show --monitors` lists those of this machine",
+                "edid: the text is empty: `steradian show --monitors` lists the EDIDs of this machine's monitors",
             ));
         }
         Ok(MonitorChoice::Edid(edid))
@@ -92,9 +92,9 @@ pub enum WindowFormat {
     /// The display image unchanged: 8 bits, sRGB.
     #[default]
     Srgb8,
-    /// The same tone mapping with 10 bits, without dither.
+    /// The same tone mapping, but with 10 bits and without dither.
     Rgb10,
-    /// Linear light without tone mapping, 1 is display white; brighter values up to the limit of the monitor.
+    /// Linear light without tone mapping. 1 is display white; brighter values are shown up to the limit of the monitor.
     Hdr,
 }
 
@@ -115,17 +115,17 @@ pub struct WindowConfig {
     pub view: String,
     /// Which image, if the view has several: `left`, `right`, or the name of a cube face.
     pub part: Option<String>,
-    /// The monitor: its name, its number from 1, or `{ edid = "..." }`. Absent: the first one; the desktop chooses for windows with a frame.
+    /// The monitor: its name, its number from 1, or `{ edid = "..." }`. Absent: the first monitor; for windows with a frame, the desktop chooses.
     #[serde(default)]
     #[schemars(schema_with = "super::reference::monitor")]
     pub monitor: Option<MonitorChoice>,
-    /// Whether it fills its monitor; otherwise it has a frame.
+    /// Whether the window fills its monitor; otherwise it has a frame.
     #[serde(default)]
     pub fullscreen: bool,
     /// Position of the upper left corner on the monitor, or on the desktop if no monitor is named, pixels. Absent: the desktop chooses.
     #[schemars(inner(range(min = -MOST_PX, max = MOST_PX)), extend("x-unit" = "pixels"))]
     pub position: Option<[i32; 2]>,
-    /// Width and height. Absent: those of the image.
+    /// Width and height. Absent: the size of the image.
     #[schemars(inner(range(min = 1, max = MOST_PX)), extend("x-unit" = "pixels"))]
     pub size: Option<[u32; 2]>,
     /// Whether images wait for the monitor's refresh.
@@ -203,13 +203,13 @@ impl WindowConfig {
         Ok(())
     }
 
-    /// Overlays are drawn over display images alone.
+    /// Overlays are drawn only over display images.
     fn check_overlay(&self, overlay: &OverlayConfig, patterned: &[&str]) -> Result<(), KeyError> {
         if self.format == WindowFormat::Srgb8 || overlay.is_empty() && !patterned.contains(&self.view.as_str()) {
             return Ok(());
         }
         let problem =
-            "only display images of 8 bits have overlays and test patterns: set format = \"srgb8\", or leave them out";
+            "only display images of 8 bits show overlays and test patterns: set format = \"srgb8\", or omit them";
         Err(KeyError::new("format", format!("`{}`: {problem}", self.format.name())))
     }
 }
@@ -231,13 +231,13 @@ pub(super) fn windows(
         window.check_overlay(overlay, patterned).map_err(|fault| (index, fault))?;
         let before = || windows[..index].iter();
         if let Some(first) = before().position(|other| other.name == window.name) {
-            let problem = format!("windows[{first}] has the name `{}` too: names must be unique", window.name);
+            let problem = format!("windows[{first}] also has the name `{}`: names must be unique", window.name);
             return Err((index, KeyError::new("name", problem)));
         }
         let fills = |other: &WindowConfig| other.fullscreen && window.fullscreen && other.monitor == window.monitor;
         if let Some(first) = before().position(fills) {
             let monitor = window.monitor.as_ref().map_or("the first one".to_owned(), MonitorChoice::to_string);
-            let problem = format!("windows[{first}] fills monitor {monitor} too: only one window can");
+            let problem = format!("windows[{first}] also fills monitor {monitor}: only one window can");
             return Err((index, KeyError::new("monitor", problem)));
         }
     }

@@ -17,7 +17,7 @@ pub enum Encoding {
     Png,
     /// Display image as JPEG.
     Jpeg,
-    /// Display image as H.264; [`encode`] makes a key picture, [`VideoEncoder`] a sequence of pictures.
+    /// Display image as H.264. [`encode`] makes a key picture, and [`VideoEncoder`] makes a sequence of pictures.
     H264,
     /// Luminance in cd/m^2: R, G, B as little-endian f32, row by row from the top.
     Rgb32f,
@@ -57,8 +57,8 @@ pub enum EncodeError {
         /// Name of the buffer.
         buffer: &'static str,
     },
-    /// A buffer's length does not fit the image's size.
-    #[error("{width} x {height} pixels need {expected} values, the buffer has {found}")]
+    /// The length of a buffer does not match the size of the image.
+    #[error("{width} x {height} pixels need {expected} values, but the buffer has {found}")]
     Length {
         /// Width, pixels.
         width: u32,
@@ -79,7 +79,7 @@ pub enum EncodeError {
     },
     /// H.264 does not support an image of this size.
     #[error(
-        "{width} x {height} pixels: H.264 supports 1 to 36864 squares of 16 x 16 pixels and at most 8688 pixels a side; max_size makes smaller copies"
+        "{width} x {height} pixels: H.264 supports 1 to 36864 squares of 16 x 16 pixels and up to 8688 pixels per side; max_size makes smaller copies"
     )]
     TooLargeForH264 {
         /// Width, pixels.
@@ -155,7 +155,7 @@ pub(crate) fn png_of(
     encoder.set_color(color);
     encoder.set_depth(depth);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    // More effort would not make dithered black much smaller.
+    // A higher compression level would not make dithered black much smaller.
     encoder.set_compression(png::Compression::Fast);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(samples)?;
@@ -182,7 +182,7 @@ pub(super) mod tests {
         projector::{Blend, ProjectorOutput, Response, Weights},
     };
 
-    /// Returns an image whose values all differ from their neighbours and include extremes.
+    /// Returns an image in which every value differs from its neighbours; extreme values are included.
     pub fn sample(width: u32, height: u32) -> FrameImage {
         let count = (width * height) as usize;
         let mut hdr: Vec<[f32; 4]> = (0..count)
@@ -291,7 +291,7 @@ pub(super) mod tests {
         assert!(matches!(encode(Encoding::Jpeg, &wide), Err(EncodeError::TooLargeForJpeg { .. })));
     }
 
-    /// Returns stars on black, each with a different colour and spread over three by three pixels.
+    /// Returns a picture of stars on black. Each star has a different colour and covers three by three pixels.
     pub(in crate::output) fn coloured_stars() -> FrameImage {
         let mut image = sample(256, 256);
         let pixels = image.display.as_mut().unwrap();
@@ -314,7 +314,7 @@ pub(super) mod tests {
         zune_jpeg::JpegDecoder::new(Cursor::new(jpeg)).decode().unwrap()
     }
 
-    /// Root mean square over the pixels of stars of R - B, and of the error of R - B in a decoded image (R, G, B).
+    /// Returns the root mean square of R - B over the pixels of stars, and that of the error of R - B in a decoded image (R, G, B).
     pub(in crate::output) fn colour_and_error(image: &FrameImage, decoded: &[u8]) -> [f64; 2] {
         let original = image.display.as_ref().unwrap().chunks_exact(4);
         let pairs = original.zip(decoded.chunks_exact(3)).filter(|(pixel, _)| pixel[..3].iter().any(|code| *code > 20));
@@ -334,7 +334,7 @@ pub(super) mod tests {
         let [colour, error] = colour_and_error(&image, &decoded_jpeg(&encode(Encoding::Jpeg, &image).unwrap()));
         println!("R - B {colour:.1}, its error {error:.2}");
         assert!(colour > 20.0 && error < 4.0, "{colour} {error}");
-        // Use the quality's own table for colour too.
+        // For comparison, use the standard table of the quality for colour.
         let mut coarse = Vec::new();
         let mut encoder = jpeg_encoder::Encoder::new(&mut coarse, 92);
         encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_1_1);

@@ -1,4 +1,4 @@
-//! Deterministic OpenEXR files of images: equal channels and attributes give equal bytes.
+//! Writes images as deterministic OpenEXR files: equal channels and attributes give equal bytes.
 
 use std::io::Cursor;
 
@@ -18,9 +18,9 @@ pub(super) struct HalfOf {
     pub(super) unit_cd_m2: f32,
 }
 
-/// Encodes an image: channels `R`, `G`, `B` in cd/m^2 as 32-bit floats or in a custom unit as 16-bit floats; `omega` in sr; for a projector whose
-/// light is blended with that of others also `alpha`, its share of the light, which is not applied to the colours. `pixels` must match the image's
-/// size.
+/// Encodes an image: channels `R`, `G`, `B` in cd/m^2 as 32-bit floats or in a custom unit as 16-bit floats; `omega` in sr; and, for a projector
+/// whose light is blended with that of others, `alpha`, its share of the light, which is not applied to the colours. `pixels` must match the size of
+/// the image.
 pub(super) fn exr_of(
     image: &FrameImage,
     pixels: &[[f32; 4]],
@@ -37,15 +37,15 @@ pub(super) fn exr_of(
             }
         }
     };
-    // A solid angle is too small for 16-bit floats, which round it to 0.
+    // Solid angles stay 32-bit floats: 16-bit floats would round them to 0.
     let omega_sr = FlatSamples::F32(pixels.iter().map(|pixel| pixel[3]).collect());
     let mut channels = vec![("R", colour(0)), ("G", colour(1)), ("B", colour(2)), ("omega", omega_sr)];
     if let Some(blend) = image.projector.as_ref().and_then(|projector| projector.blend()) {
         channels.push(("alpha", FlatSamples::F32(blend.weights().iter().map(|[alpha, _]| *alpha).collect())));
     }
     let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(Text::from(name), samples));
-    // For deterministic files, write blocks in order of their rows, and no attribute with a time or a place. Compress run lengths: deflate takes 20
-    // times as long for light with stars, and makes files only a tenth smaller.
+    // For deterministic files, write the blocks in the order of their rows, and no attribute with a time or a place. Use run-length compression:
+    // deflate takes 20 times as long for light with stars, and makes files only a tenth smaller.
     let encoding = Encoding {
         compression: exr::prelude::Compression::RLE,
         blocks: exr::prelude::Blocks::ScanLines,

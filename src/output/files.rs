@@ -1,6 +1,7 @@
-//! Files of one frame or of several frames that show the views of one rig: `<view>.exr` and `<view>.png`, for a view of
-//! several images `<view>.<part>.exr` and `.png`, `timings.json`, and `manifest.json`. The manifest is written last, so
-//! the images are complete if it exists. Except for the times, the files are deterministic.
+//! Writes the files of one frame, or of several frames that show the views of one rig. The files are `<view>.exr` and
+//! `<view>.png` (`<view>.<part>.exr` and `.png` for a view of several images), `timings.json`, and `manifest.json`. The
+//! manifest is written last, so the images are complete if it exists. Except for the times, the files are
+//! deterministic.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -35,8 +36,8 @@ pub enum OutputError {
         /// Reason.
         source: EncodeError,
     },
-    /// The frame belongs to another rig.
-    #[error("the frame has an image of view {view}, the rig has {views} views")]
+    /// The frame belongs to a different rig.
+    #[error("the frame has an image of view {view}, but the rig has {views} views")]
     OtherRig {
         /// Index of the view.
         view: usize,
@@ -74,7 +75,7 @@ struct ManifestView<'a> {
     limiting_magnitude: Option<f64>,
     /// Numbers of asteroids by drawing method.
     asteroids: &'a AsteroidCounts,
-    /// Plan of the display images; also of HDR images if they are separate frames.
+    /// Plan of the display images, and plan of the HDR images if those are separate frames.
     plan: &'a FramePlan,
     #[serde(skip_serializing_if = "Option::is_none")]
     hdr_plan: Option<&'a FramePlan>,
@@ -82,8 +83,8 @@ struct ManifestView<'a> {
 
 #[derive(Serialize)]
 struct Timings<'a> {
-    /// Times of the frame; the sum of display and HDR images if they were drawn separately. With several frames, the
-    /// first one.
+    /// Times of the frame, or of the first of several frames. They are sums if display and HDR images were drawn
+    /// separately.
     frame: Option<&'a FrameTimes>,
     /// Times of all frames if there are several, in the order of their first views.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -111,7 +112,7 @@ fn write_json(path: PathBuf, content: &impl Serialize) -> Result<PathBuf, Output
 ///
 /// # Errors
 ///
-/// Same as [`write_frames`].
+/// Those of [`write_frames`].
 pub fn write_frame(
     folder: &Path,
     rig: &Rig,
@@ -126,7 +127,7 @@ pub fn write_frame(
 ///
 /// # Errors
 ///
-/// The folder, or the one in which it would be created, is a file or cannot be written.
+/// The folder, or the folder in which it would be created, is a file or cannot be written.
 pub fn check_folder(folder: &Path) -> Result<(), OutputError> {
     files::check_folder(folder).map_err(|source| OutputError::Write { path: folder.to_owned(), source })
 }

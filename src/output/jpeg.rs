@@ -1,4 +1,4 @@
-//! JPEG in bands: the rows of an image are encoded on all cores and joined into one file at restart markers (ITU-T
+//! Encodes JPEG in bands. Bands of rows are encoded on all cores, and joined into one file at restart markers (ITU-T
 //! T.81, annex E), at which the coder starts again.
 
 use jpeg_encoder::{ColorType, EncodingError, QuantizationTableType, SamplingFactor};
@@ -50,7 +50,7 @@ const RESTART_INTERVAL: u8 = 0xdd;
 const RESTART: u8 = 0xd0;
 const END: [u8; 2] = [0xff, 0xd9];
 
-/// Joins the files of bands, which have the same tables, into one.
+/// Joins the files of the bands into one file. All of them have the same tables.
 fn join_bands(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
     let mut all = Vec::with_capacity(bands.iter().map(Vec::len).sum::<usize>() + 16);
     for (number, band) in bands.iter().enumerate() {
@@ -66,7 +66,7 @@ fn join_bands(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
                 let written = all.len();
                 all.extend(&band[start..end]);
                 if marker == FRAME {
-                    // After marker, length and precision.
+                    // The height follows the marker, the length and the precision.
                     all[written + 5..written + 7].copy_from_slice(&height.to_be_bytes());
                 }
             }
@@ -79,7 +79,7 @@ fn join_bands(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
     all
 }
 
-/// A marker with its parameters, as a byte range of a file.
+/// The byte range of a marker with its parameters in a file.
 struct Segment {
     marker: u8,
     start: usize,
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn bands_decode_like_a_single_encoding() {
-        // Test one band, two, many (restart markers count modulo eight), a last band of one row, and odd sides.
+        // Test one band, two bands, many bands (restart markers count modulo eight), a last band of one row, and odd sides.
         for [width, height] in [[33, 128], [40, 129], [17, 2000], [64, 1280], [300, 385]] {
             let pixels = image(width, height);
             let bands = encode(&pixels, width as u16, height as u16).unwrap();
@@ -142,7 +142,7 @@ mod tests {
         let interval = u16::from_be_bytes([bands[position + 4], bands[position + 5]]);
         assert_eq!(usize::from(interval), 7 * width.div_ceil(BLOCK));
         assert_eq!(decoded(&bands).len(), 3 * width * height);
-        // Wrongly joined bands are detected.
+        // Check that this comparison detects wrongly joined bands.
         let narrow = image(40, 300);
         let file = |interval| {
             let bands: Vec<Vec<u8>> = narrow.chunks(40 * 128 * 4).map(|band| encode_band(band, 40).unwrap()).collect();

@@ -1,4 +1,4 @@
-//! Packs the pictures of two eyes into one, as players of stereo films expect.
+//! Packs the pictures of two eyes into one picture, as players of stereo films expect.
 
 use crate::render::FrameImage;
 use crate::view::{Packing, Part, Rig};
@@ -16,8 +16,8 @@ fn joined<T: Copy>([left, right]: [&[T]; 2], row: usize, packing: Packing) -> Ve
     }
 }
 
-/// Packs the pictures of the eyes of every view that requests it into one, which is the whole view. Both eyes belong to
-/// the same frame and have the same buffers.
+/// For every view that requests packing, packs the pictures of both eyes into one image, which then is the whole view.
+/// Both eyes belong to the same frame and have the same buffers.
 pub fn pack(rig: &Rig, images: Vec<FrameImage>) -> Vec<FrameImage> {
     let mut packed: Vec<FrameImage> = Vec::with_capacity(images.len());
     for image in images {

@@ -1,4 +1,4 @@
-//! Provenance of a picture as recorded in manifests: enough to make the picture again, and to find the cause if its bytes differ.
+//! Provenance of a picture, as recorded in manifests. It suffices to make the picture again, and to find the cause if the bytes differ.
 
 use std::path::{Path, PathBuf};
 
@@ -20,9 +20,9 @@ pub struct InputFile {
 /// The configuration in effect.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UsedConfiguration {
-    /// Folder of its relative paths.
+    /// Folder to which its relative paths refer.
     pub folder: PathBuf,
-    /// TOML with overrides, without the keys that concern only the daemon and the headset.
+    /// The configuration as TOML, with overrides applied, and without the keys that concern only the daemon and the headset.
     pub toml: String,
 }
 

@@ -5,9 +5,9 @@ use crate::{
     render::FrameImage,
 };
 
-/// Returns a copy of the display image whose longest side has at most `longest_px` pixels. It is reduced by the smallest sufficient whole number;
-/// each pixel is the mean light of a square of pixels, fewer at the right and lower edges. `None` if the image is already small enough, or has no
-/// display image.
+/// Returns a copy of the display image whose longest side has at most `longest_px` pixels. The size is divided by the smallest whole number that
+/// suffices. Each pixel is the mean light of a square of pixels, of which fewer exist at the right and lower edges. Returns `None` if the image is
+/// already small enough, or has no display image.
 pub fn reduced(image: &FrameImage, longest_px: u32) -> Option<FrameImage> {
     let factor = image.width.max(image.height).div_ceil(longest_px.max(1));
     let pixels = image.display.as_deref().filter(|_| factor > 1)?;

@@ -1,8 +1,9 @@
 //! H.264: the pictures of a stream, each coded relative to the previous one.
 //!
 //! Colours are as in the display image: primaries and matrix of BT.709, transfer function of sRGB, full range; the stream declares this. The colour
-//! differences have half the resolution (4:2:0), which is all that decoders of browsers support. Their pixels are about as wide as a star. The
-//! colours of a square of pixels are therefore averaged with their light as weight, so that black pixels next to a star do not dilute its colour.
+//! differences have half the resolution (4:2:0), which is all that decoders of browsers support. Their pixels are about as wide as a star. Therefore
+//! the colours of the pixels in a square are averaged with weights proportional to their light, so that black pixels next to a star do not dilute its
+//! colour.
 
 use std::fmt;
 
@@ -12,11 +13,11 @@ use rusty_h264_encoder::{Encoder, EncoderConfig};
 use super::encode::{EncodeError, Encoding, display_of};
 use crate::render::FrameImage;
 
-/// Quantisation parameter, 0 to 51: errors of about one code of 255 in dark areas.
+/// Quantisation parameter, 0 to 51. This value causes errors of about one code of 255 in dark areas.
 const QP: u8 = 18;
 
-/// Maximum number of macroblocks of 16 x 16 pixels, and of macroblocks along a side: level 5.2, the highest that
-/// decoders commonly support.
+/// Maximum number of macroblocks (16 x 16 pixels) in a picture, and along a side. They are the limits of level 5.2, the
+/// highest that decoders commonly support.
 const MOST_MACROBLOCKS: u32 = 36_864;
 const LONGEST_SIDE: u32 = 543;
 
@@ -157,8 +158,8 @@ fn luma_of(colour: [u32; 3]) -> u8 {
 /// Type of the NAL unit that holds a sequence parameter set.
 const SEQUENCE_PARAMETERS: u8 = 7;
 
-/// Returns the access unit with video usability information in its sequence parameter set, which originally ends with a
-/// flag that there is none.
+/// Returns the access unit with video usability information in its sequence parameter set. The original set ends with a
+/// flag that says that there is no such information.
 fn with_usability(unit: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(unit.len() + 32);
     for nal in nal_units(unit) {
@@ -184,7 +185,7 @@ fn nal_units(unit: &[u8]) -> Vec<&[u8]> {
     starts.iter().zip(ends).map(|(start, end)| &unit[start + 3..end]).map(|nal| &nal[..trimmed(nal)]).collect()
 }
 
-/// Removes the bytes that prevent start codes inside a NAL unit.
+/// Removes the escape bytes that prevent start codes inside a NAL unit.
 fn unescaped(nal: &[u8]) -> Vec<u8> {
     let mut zeros = 0;
     let is_kept = |byte: &u8| {
@@ -195,7 +196,7 @@ fn unescaped(nal: &[u8]) -> Vec<u8> {
     nal.iter().copied().filter(is_kept).collect()
 }
 
-/// Inserts the bytes that prevent start codes inside a NAL unit.
+/// Inserts the escape bytes that prevent start codes inside a NAL unit.
 fn escaped(nal: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(nal.len() + 4);
     for byte in nal {
@@ -232,20 +233,20 @@ impl Bits {
         let stop = self.0.iter().rposition(|bit| *bit).unwrap_or_default();
         self.0.truncate(stop.saturating_sub(1));
         self.put(1, 1);
-        // No aspect ratio and no overscan; a video signal of unspecified format, full range, with a colour description.
+        // There is no aspect ratio and no overscan. The video signal has an unspecified format, full range, and a colour description.
         self.put(0b001, 3);
         self.put(0b10111, 5);
         for code in [BT709, SRGB_TRANSFER, BT709] {
             self.put(code, 8);
         }
-        // Chroma samples are at the centre of four pixels, in both fields.
+        // Chroma samples lie at the centre of four pixels, in both fields.
         self.put(1, 1);
         self.put_code(1);
         self.put_code(1);
-        // No timing, no hypothetical decoder (two), no picture structure.
+        // There is no timing, no parameter of a hypothetical decoder (two flags), and no picture structure.
         self.put(0, 4);
-        // Restrictions: motion vectors may point outside of the picture; no denominators; vectors of any length; pictures are not reordered, and one
-        // is kept. Decoders thus show each picture immediately.
+        // Restrictions: motion vectors may point outside of the picture; no limits on the bits of a picture or a macroblock; vectors of any length;
+        // pictures are not reordered, and one reference picture is kept. Decoders thus show each picture immediately.
         self.put(0b11, 2);
         for code in [0, 0, 16, 16, 0, 1] {
             self.put_code(code);
@@ -273,7 +274,7 @@ mod tests {
     use super::*;
     use crate::output::encode::tests::{colour_and_error, coloured_stars, sample};
 
-    /// Decodes all pictures and returns the display image of the last one.
+    /// Decodes all pictures, and returns the last one as a display image.
     fn decoded(units: &[Vec<u8>], [width, height]: [usize; 2]) -> Vec<u8> {
         let mut decoder = Decoder::new();
         let pictures: Vec<_> = units.iter().filter_map(|unit| decoder.decode(unit).unwrap()).collect();
@@ -334,7 +335,7 @@ mod tests {
         let unit = VideoEncoder::new(256, 256).unwrap().encode(&image, true).unwrap();
         let [colour, error] = colour_and_error(&image, &decoded(&[unit], [256, 256]));
         println!("R - B {colour:.1}, its error {error:.2}");
-        // Half the resolution loses about half of the colour difference.
+        // At half the resolution, about half of the colour difference is lost.
         assert!(error < 0.6 * colour, "{colour} {error}");
     }
 

@@ -1,4 +1,4 @@
-//! Code that depends on the operating system, one file per subject and system, with the same interface on each.
+//! Code that depends on the operating system. There is one file per subject and system, and the interface is the same on every system.
 //!
 //! | subject | Unix | Windows |
 //! |---|---|---|
@@ -10,8 +10,8 @@
 //! | `sockets`: local sockets with a path | Unix sockets | refused |
 //! | `supervisor`: readiness and end for the supervisor | systemd | none |
 //!
-//! The crates `steradian-sky` and `steradian-render` have modules of this name too, for the permissions of new files and the graphics
-//! interfaces, and `windows` has one for display servers. `tests/cpu/platform.rs` fails on such code elsewhere.
+//! The crates `steradian-sky` and `steradian-render` also have modules of this name, for the permissions of new files and for the graphics
+//! interfaces, and `windows` has one for display servers. The test `tests/cpu/platform.rs` fails if there is such code elsewhere.
 
 #[cfg(unix)]
 mod unix;
@@ -38,7 +38,7 @@ pub(crate) use self::system::{clock, files, process, signals, sockets};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "only Linux reports it"))]
 pub(crate) struct ClockState {
-    /// TAI minus UTC, s; 0: it was not set.
+    /// TAI minus UTC, s; 0 if it was not set.
     pub(crate) tai_offset_s: i32,
     /// Whether a time service steers the clock.
     pub(crate) is_synchronised: bool,

@@ -1,5 +1,5 @@
-//! Fuzz tests of messages, like those of files in `tests/fuzz`: mutated bytes are decoded and converted to plain
-//! values, without a daemon. They are here because the generated types are private to the service.
+//! Fuzz tests of messages, like those of files in `tests/fuzz`: mutated bytes are decoded and converted to plain values, without a daemon. The tests
+//! are in this crate because the generated types are private to the service.
 //!
 //! The first byte of an input selects the message. Asteroid fields are converted but not placed, because that takes
 //! long.
@@ -54,7 +54,7 @@ static PLACE: LazyLock<(ObserverConfig, Arc<SceneObjects>)> = LazyLock::new(|| {
     (config.scene.observer.clone().unwrap(), Arc::new(config.objects().unwrap()))
 });
 
-/// A scene with two views and no objects.
+/// Returns a scene with two views and no objects.
 fn scene() -> SceneState {
     let RenderSettings { stars, asteroids, .. } = RenderSettings::default();
     let given = |name: &str| {
@@ -111,7 +111,7 @@ fn update_view(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Messages about views to clients and state files.
+/// Encodes messages about views, for clients and for state files.
 fn encode_views(before: &SceneState, views: ViewSet) {
     let scene = before.clone().with_views(views, Some(("flat", true))).unwrap();
     for view in 0..scene.views.ids().len() {
@@ -143,7 +143,7 @@ fn set_camera(bytes: &[u8]) -> Result<(), String> {
     camera.map(|camera| drop(camera::camera_to_pb(&camera).encode_to_vec())).map_err(|error| error.to_string())
 }
 
-/// Names in requests.
+/// Reads names in requests.
 fn names(bytes: &[u8]) -> Result<(), String> {
     let request: proto::VerifyRequest = decoded(bytes)?;
     verify::select(Some(&request.filter)).map_err(|error| error.to_string())?;
@@ -152,7 +152,7 @@ fn names(bytes: &[u8]) -> Result<(), String> {
     encoding::encoding_from_pb(request.encoding).map(drop).ok_or_else(|| "no encoding".to_owned())
 }
 
-/// Content of a state file.
+/// Reads the content of a state file.
 fn saved(bytes: &[u8]) -> Result<(), String> {
     let mut saved: Saved = decoded(bytes)?;
     if let Some(scene) = &mut saved.scene {
@@ -164,7 +164,7 @@ fn saved(bytes: &[u8]) -> Result<(), String> {
     saved.applied(&scene(), &RenderSettings::default(), TimeSource::default().now()).map(drop)
 }
 
-/// Messages to clients.
+/// Reads messages to clients.
 fn answers(bytes: &[u8]) -> Result<(), String> {
     let frame = decoded::<proto::Frame>(bytes)
         .and_then(|frame| ReceivedFrame::try_from(frame).map(drop).map_err(|error| error.to_string()));
@@ -254,7 +254,7 @@ fn full_scene() -> proto::Scene {
             test_patterns: vec!["dome".to_owned()],
             pictures: vec![proto::OverlayPicture {
                 name: "title".to_owned(),
-                // The head of a PNG alone.
+                // The head of a PNG without the rest.
                 png: Some(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\x06\0\0\0\x1f\x15\xc4\x89".to_vec()),
                 anchor: Some(proto::overlay_picture::Anchor::Direction(proto::Vector3 { x: 1.0, y: 0.0, z: 0.0 })),
                 width_deg: 20.0,
@@ -265,7 +265,7 @@ fn full_scene() -> proto::Scene {
     }
 }
 
-/// A table of `[[views]]` with keys of many kinds.
+/// A table of `[[views]]` with many kinds of keys.
 const EYES: &str = "
 name = 'eyes'
 type = 'stereo'

@@ -31,8 +31,8 @@
 //! | `client` | the Rust client; imports only `scene` and `wire` |
 //! | `daemon` | options, listening, start and shutdown |
 //!
-//! Only the newest camera counts: a pose that is replaced before the next frame starts is never drawn. One frame serves all clients that wait for
-//! one. A change of the scene applies from the next frame on, for all views; asteroids are placed on blocking threads. A slow client drops frames
+//! Frames use the newest camera: a pose that is replaced before the next frame starts is never drawn. One frame serves all clients that wait for one.
+//! A change of the scene applies from the next frame on, for all views; asteroids are placed on blocking threads. A slow client drops frames
 //! (counted) and never slows the renderer or another client. If a frame fails, only the clients that wait for it get an error, and the daemon
 //! continues; a renderer that panics ends the daemon with an error. A headset is an additional view, and its failures do not affect the other views.
 
@@ -52,7 +52,7 @@ mod threads;
 mod time_source;
 mod wire;
 
-/// Target of the spans that measure frames, encodings and calls; logs contain them on request.
+/// Target of the spans that measure frames, encodings and calls. Logs contain the spans on request.
 pub const SPANS: &str = "steradian::spans";
 
 pub use client::{

@@ -1,5 +1,4 @@
-//! Threads whose end can be awaited, threads of lower priority than the rendering ones, and the message of a thread that
-//! panicked.
+//! Threads whose end can be awaited, threads of lower priority than the rendering threads, and the message of a panic.
 
 use std::{any::Any, cell::Cell, io, sync::OnceLock, thread};
 
@@ -16,7 +15,7 @@ thread_local! {
 }
 
 /// Lowers the priority of the calling thread, and on Linux that of the threads that it starts afterwards. On systems without thread priorities, all
-/// threads stay equal and the log states it.
+/// threads keep the same priority, and the log states this.
 pub(crate) fn stand_back() {
     if STANDS_BACK.replace(true) {
         return;
@@ -33,8 +32,8 @@ pub(crate) fn on_own_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     in_pool(&POOL, "background", work)
 }
 
-/// Runs the encoding of a frame in a separate low-priority thread pool. In the pool of long work, it would wait until a
-/// thread has finished a part of that work, a second or more.
+/// Runs the encoding of a frame in a separate low-priority thread pool. In the pool of long work, it would wait for a second or more until a thread
+/// has finished a part of that work.
 pub(crate) fn beside_long_work<T: Send>(encoding: impl FnOnce() -> T + Send) -> T {
     static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
     in_pool(&POOL, "encoding", encoding)
@@ -46,7 +45,9 @@ fn in_pool<T: Send>(pool: &OnceLock<Option<ThreadPool>>, name: &'static str, wor
         let thread_name = move |number| format!("{name}-{number}");
         let pool = ThreadPoolBuilder::new().thread_name(thread_name).start_handler(|_| stand_back()).build();
         pool.inspect_err(|error| {
-            tracing::warn!("cannot start the thread pool `{name}`; its work shares the threads of frames: {error}")
+            tracing::warn!(
+                "cannot start the thread pool `{name}`, so its work uses the threads that plan frames: {error}"
+            )
         })
         .ok()
     });

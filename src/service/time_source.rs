@@ -1,7 +1,7 @@
 //! The time of the daemon. It never jumps, whatever happens to the clock of the machine.
 //!
-//! Scenes that run, and poses that wait for their time, follow this time. Clients read and send times of the machine's
-//! clock, so those are converted where they arrive and leave.
+//! Scenes with a running clock, and poses that are waiting for their time, follow this time. Clients read and send times of the machine's clock, so
+//! these times are converted when they arrive and when they leave.
 
 use std::{
     fmt,
@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-/// If the lead of the machine's clock changes by more than this, the clock counts as set.
+/// If the machine's clock changes by more than this relative to the daemon's time, it is considered to have been set.
 const SET: Duration = Duration::from_millis(1);
 
 /// Returns the time of the machine's clock.
@@ -24,7 +24,7 @@ pub struct TimeSource {
     lead: Arc<Mutex<Lead>>,
 }
 
-/// By how much the machine's clock is ahead of the daemon's time.
+/// Time by which the machine's clock is ahead of the daemon's time.
 #[derive(Clone, Copy, Debug)]
 enum Lead {
     Ahead(Duration),
@@ -39,7 +39,7 @@ impl Lead {
         }
     }
 
-    /// Whether another measurement differs by more than the error of measurements.
+    /// Whether another measurement differs from this one by more than the error of measurements.
     fn is_other(self, measured: Self) -> bool {
         let apart = match (self, measured) {
             (Self::Ahead(a), Self::Ahead(b)) | (Self::Behind(a), Self::Behind(b)) => a.abs_diff(b),
@@ -62,7 +62,7 @@ impl fmt::Debug for TimeSource {
 }
 
 impl TimeSource {
-    /// Starts with another clock of the machine, which a test may set.
+    /// Starts with a replacement for the machine's clock that a test can set.
     pub fn with_machine(machine: impl Fn() -> SystemTime + Send + Sync + 'static) -> Self {
         let started = machine();
         let lead = Arc::new(Mutex::new(Lead::Ahead(Duration::ZERO)));
@@ -88,7 +88,7 @@ impl TimeSource {
         told.unwrap_or(time)
     }
 
-    /// Returns the daemon's time for a time of the machine's clock.
+    /// Converts a time of the machine's clock to the daemon's time.
     pub fn heard(&self, time: SystemTime) -> SystemTime {
         let heard = match self.lead() {
             Lead::Ahead(ahead) => time.checked_sub(ahead),
@@ -97,8 +97,8 @@ impl TimeSource {
         heard.unwrap_or(time)
     }
 
-    /// Measures the lead of the machine's clock. Equal times stay equal: a small difference is the error of the
-    /// measurement and changes nothing.
+    /// Measures by how much the machine's clock is ahead. A difference within the error of measurements changes nothing, so that equal times stay
+    /// equal.
     fn lead(&self) -> Lead {
         let measured = Lead::of(self.machine_now(), self.now());
         let mut lead = self.lead.lock().unwrap_or_else(PoisonError::into_inner);
@@ -133,7 +133,7 @@ mod tests {
             let now = time.now();
             assert!(now >= last && now.duration_since(last).is_ok_and(|gone| gone < Duration::from_secs(1000)));
             last = now;
-            // Times that clients send by the machine's clock mean the same moment, and clients get times of that clock.
+            // Times that clients send by the machine's clock must mean the same moment, and clients must get times of that clock.
             let sent = time.machine_now();
             let apart = |a: SystemTime, b: SystemTime| {
                 a.duration_since(b).unwrap_or_else(|error| error.duration()).as_secs_f64()

@@ -8,7 +8,7 @@ use super::fault::Fault;
 
 /// Maximum number of entries of an archive.
 const MOST_ENTRIES: usize = 4096;
-/// Maximum unpacked size of an entry, bytes: that of a map of 8192 x 8192 samples.
+/// Maximum unpacked size of an entry, bytes. It is the size of a map of 8192 x 8192 samples.
 const MOST_ENTRY_BYTES: u64 = 1 << 30;
 /// Maximum total unpacked size, bytes.
 const MOST_UNPACKED_BYTES: u64 = 2 << 30;
@@ -19,7 +19,7 @@ const ALLOWED: &str = "an MPCDI set must be a ZIP of at most 4096 files, stored 
 pub(super) struct Archive<'a> {
     zip: ZipArchive<Cursor<&'a [u8]>>,
     unpacked_left: u64,
-    /// The entry with the description. Paths are relative to its folder.
+    /// Name of the entry with the description. Paths in the description are relative to the folder of this entry.
     pub described: String,
 }
 
@@ -29,7 +29,7 @@ fn plain(path: &str) -> String {
     path.strip_prefix("./").unwrap_or(&path).to_owned()
 }
 
-/// Splits the name of an entry into its folder, with the last separator, and its own name.
+/// Splits the name of an entry into its folder (including the last separator) and its own name.
 fn parts(entry: &str) -> (&str, &str) {
     entry.split_at(entry.rfind(['/', '\\']).map_or(0, |at| at + 1))
 }
@@ -51,7 +51,8 @@ impl<'a> Archive<'a> {
         Ok(Self { zip, unpacked_left: MOST_UNPACKED_BYTES, described: String::new() })
     }
 
-    /// Returns the full name of the description with this name, ignoring case. It is in the root, or else in the only folder that has one.
+    /// Returns the full path of the entry with this file name, ignoring case. The entry is in the root or, if it is not there, in the only folder
+    /// that has such an entry.
     pub fn named(&self, name: &str) -> Result<Option<String>, Fault> {
         for in_root in [true, false] {
             let matches = |entry: &str| {
@@ -72,7 +73,7 @@ impl<'a> Archive<'a> {
     }
 
     /// Returns the entry that a path in the description `described` refers to. The path is relative to the description's folder or to the root;
-    /// separators and capitals may differ.
+    /// separators and upper or lower case may differ.
     pub fn entry(&self, path: &str, described: &str) -> Result<String, Fault> {
         let folder = parts(&plain(described)).0.to_owned();
         let path_plain = plain(path);
@@ -87,7 +88,11 @@ impl<'a> Archive<'a> {
                 (Some(first), Some(second)) => {
                     let problem = format!("it is ambiguous: `{}` or `{}`", first.escape_debug(), second.escape_debug());
                     let place = format!("entry `{}`", path.escape_debug());
-                    return Err(Fault::new(place, problem, "must be the name of one entry, with the same capitals"));
+                    return Err(Fault::new(
+                        place,
+                        problem,
+                        "must be the name of one entry, with the same upper and lower case",
+                    ));
                 }
                 (Some(first), None) => return Ok(first.to_owned()),
                 (None, _) => {}
@@ -107,7 +112,7 @@ impl<'a> Archive<'a> {
         let most = MOST_ENTRY_BYTES.min(self.unpacked_left);
         let mut entry = self.zip.by_index(index).map_err(|error| bad(format!("not readable ({error})")))?;
         let mut bytes = Vec::new();
-        // The size in the header is not trustworthy.
+        // The size in the header cannot be trusted, so the unpacked data are limited here.
         entry
             .by_ref()
             .take(most + 1)

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::fault::{Fault, rounded, shown};
 use crate::view::projection::ContentShape;
 
-/// Tolerance at the edge of a picture, for the rounding of f32 and of decimal numbers.
+/// Tolerance at the edge of a picture, because f32 and decimal numbers are rounded.
 pub(super) const SLACK: f64 = 1e-5;
 
 /// Largest deviation of the corner of a projection plane from a right angle, degrees.
@@ -15,7 +15,7 @@ const RECTANGLE_WITHIN_DEG: f64 = 0.1;
 /// A picture in dome axes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Content {
-    /// A flat picture, relative to the eye.
+    /// A flat picture; points are relative to the eye.
     Plane {
         lower_left: DVec3,
         /// Along its lower edge.
@@ -26,7 +26,7 @@ pub(super) enum Content {
     /// An equidistant fisheye.
     Fisheye {
         half_fov_rad: f64,
-        /// Columns: right and up in the picture, and the direction of its centre.
+        /// The columns are the directions to the right and up in the picture, and the direction of its centre.
         dome_from_picture: DMat3,
         /// Radius of the circle, relative to half the picture's width and height.
         radius: [f64; 2],
@@ -37,7 +37,7 @@ pub(super) enum Content {
         /// Point from which the directions of the circle are seen: right, up and towards its centre, in radii of the dome.
         eye: DVec3,
     },
-    /// Longitude to the right, latitude upwards; the centre is the front.
+    /// An equirectangular picture: longitude to the right, latitude upwards. The centre is the front.
     Equirectangular,
 }
 
@@ -71,12 +71,12 @@ impl Content {
     pub fn corners(lower_left: DVec3, upper_left: DVec3, upper_right: DVec3, eye: DVec3) -> Result<Self, Fault> {
         let (right, up, lower_left) = (upper_right - upper_left, upper_left - lower_left, lower_left - eye);
         let area = right.cross(up);
-        // Volume spanned by plane and eye, relative to the sides: 0 if the plane is seen edge-on.
+        // Volume that the plane and the eye span, relative to the lengths of the sides. It is 0 if the plane is seen edge-on.
         let seen = -area.dot(lower_left) / (area.length() * lower_left.length());
         if !seen.is_finite() || seen.abs() <= 1e-6 {
             return Err(Fault::new(
                 "projection plane",
-                "its corners are collinear, or the eye lies in the plane",
+                "its corners are on one line, or the eye lies in its plane",
                 "must be three corners of a rectangle whose plane does not contain the eye",
             ));
         }
@@ -100,7 +100,7 @@ impl Content {
             return Err(Fault::new("fisheye", problem, "must be more than 0 and at most 360 degrees"));
         }
         if !tilt_rad.is_finite() {
-            return Err(Fault::new("fisheye", "tilt is not finite", "must be a number of degrees"));
+            return Err(Fault::new("fisheye", "tilt is not finite", "must be a finite number of degrees"));
         }
         let (sin, cos) = tilt_rad.sin_cos();
         let dome_from_picture = DMat3::from_cols(DVec3::X, DVec3::new(0.0, sin, cos), DVec3::new(0.0, cos, -sin));
@@ -108,7 +108,7 @@ impl Content {
         Ok(Self::Fisheye { half_fov_rad: fov_rad / 2.0, dome_from_picture, radius, edge: radius, middle, eye })
     }
 
-    /// The same fisheye with only a part of its circle: `edge`, `middle` and `eye` are those of [`Content::Fisheye`].
+    /// The same fisheye, but the picture shows only a part of its circle: `edge`, `middle` and `eye` are those of [`Content::Fisheye`].
     #[must_use]
     pub fn cut(mut self, new_edge: [f64; 2], new_middle: [f64; 2], new_eye: DVec3) -> Self {
         if let Self::Fisheye { edge, middle, eye, .. } = &mut self {
@@ -117,7 +117,7 @@ impl Content {
         self
     }
 
-    /// The part of its coordinates that the picture fills.
+    /// Returns the range of coordinates that the picture fills.
     pub fn shape(&self) -> ContentShape {
         let (mut low, mut high, mut ellipse) = (DVec2::ZERO, DVec2::ONE, None);
         if let Self::Fisheye { radius, edge, middle, .. } = self {
@@ -129,14 +129,14 @@ impl Content {
         ContentShape { low: low - SLACK, high: high + SLACK, ellipse }
     }
 
-    /// The direction of a point of the picture, also beyond its edge, as far as the mapping continues.
+    /// Returns the direction of a point of the picture. Points beyond the edge also have a direction, as far as the mapping continues.
     pub fn direction(&self, u: f64, v: f64) -> Option<DVec3> {
         match self {
             Self::Plane { lower_left, right, up } => (*lower_left + *right * u + *up * v).try_normalize(),
             Self::Fisheye { half_fov_rad, dome_from_picture, radius, middle, eye, .. } => {
                 let (x, y) = ((2.0 * u - 1.0) / radius[0] + middle[0], (2.0 * v - 1.0) / radius[1] + middle[1]);
                 let rho = x.hypot(y);
-                // Beyond the antipode the mapping continues on the other side, because splines need a smooth map there too.
+                // Beyond the antipode, the mapping continues on the other side, because splines need a smooth map even there.
                 let theta = rho * half_fov_rad;
                 // sin(theta) / rho is finite at 0.
                 let across = if rho > 1e-12 { theta.sin() / rho } else { *half_fov_rad };
@@ -158,7 +158,7 @@ mod tests {
 
     use super::*;
 
-    /// The direction of a point, if the picture fills it.
+    /// Returns the direction of a point if the point is in the picture.
     fn within(content: &Content, u: f64, v: f64) -> Option<DVec3> {
         if content.shape().holds(DVec2::new(u, v)) { content.direction(u, v) } else { None }
     }

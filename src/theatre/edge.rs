@@ -1,4 +1,4 @@
-//! The edge of the light of a raster. It is the edge of the content that the calibration refers to, evaluated for each pixel.
+//! The edge of the lit part of a raster. It is the edge of the content that the calibration refers to, evaluated for each pixel.
 //!
 //! The programs that use these calibrations interpolate the positions of nodes in the content, and look up each pixel there. A cell with nodes on
 //! both sides of the content's edge is therefore lit up to the edge.
@@ -9,18 +9,18 @@ use super::{Border, Reader, content::Content, unlit::strays};
 
 /// The samples of a grid, computed from their places in a content.
 pub(super) struct Placed {
-    /// Directions of the samples, also beyond the edge of the content.
+    /// Directions of the samples, including samples beyond the edge of the content.
     pub samples: Vec<Option<DVec3>>,
     /// Where the content ends; `None` if no place is outside.
     pub border: Option<Border>,
     /// Number of places outside.
     pub outside: usize,
-    /// Number of places outside that do not continue their neighbours, and are treated as unknown.
+    /// Number of places outside that do not continue the places of their neighbours, and are treated as unknown.
     pub strays: usize,
 }
 
-/// Computes the samples of a grid of `columns` columns from their places in a content. If the grid is a smooth lattice of a file's own nodes, strays
-/// are looked for and removed: a spline through strays would bend the cells around them.
+/// Computes the samples of a grid of `columns` columns from their places in a content. With `looks_for_strays` (for a smooth lattice of the nodes of
+/// a file), strays are removed: a spline through strays would bend the cells around them.
 pub(super) fn placed(
     content: &Content,
     mut places: Vec<Option<DVec2>>,
@@ -112,7 +112,7 @@ mod tests {
         let content = Content::fisheye(std::f64::consts::TAU, 0.0, [1.0, 1.0]);
         let Ok(content) = content else { panic!("a fisheye of 360 degrees") };
         let found = placed(&content, lattice(0.0, 1.0), 5, true);
-        // The four corners and their neighbours, at 1.12 radii; the mapping continues beyond the antipode.
+        // The four corners and their neighbours are outside, at 1.12 radii. The mapping continues beyond the antipode.
         assert_eq!(found.outside, 12);
         assert!(found.samples.iter().all(Option::is_some));
     }

@@ -5,7 +5,7 @@ use exr::prelude::{FlatSamples, Vec2};
 use super::{MOST_SIDE, fault::Fault, pfm::Plane};
 use crate::files::read_exr;
 
-/// Maximum number of decoded channels: an alpha channel may accompany the three.
+/// Maximum number of decoded channels: the three channels of directions, and an alpha channel.
 const MOST_CHANNELS: usize = 4;
 
 const CHANNELS: &str = "must have channels R, G, B or x, y, z, all as floats";
@@ -36,7 +36,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
     let axes = [["x", "X"], ["y", "Y"], ["z", "Z"]].map(named);
     let (first, second, third) = match (colours, axes) {
         ([Some(_), Some(_), Some(_)], [Some(_), Some(_), Some(_)]) => {
-            return Err(bad("both R, G, B and x, y, z".to_owned(), CHANNELS));
+            return Err(bad("it has both R, G, B and x, y, z".to_owned(), CHANNELS));
         }
         ([Some(a), Some(b), Some(c)], _) | (_, [Some(a), Some(b), Some(c)]) => (a, b, c),
         _ => {

@@ -35,7 +35,7 @@ impl Fault {
         Self::Refused { what: what.into(), reason: reason.into() }
     }
 
-    /// The same error within an entry of the file.
+    /// Returns the same error, located in an entry of the file.
     pub fn within(self, outer: &str) -> Self {
         match self {
             Self::Content { place, problem, allowed } => {

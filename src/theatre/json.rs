@@ -8,7 +8,8 @@ use super::{
     fault::{Fault, rounded},
 };
 
-/// The keys of yaw, pitch and roll: the current name, then those of SGCT's XML configurations, from which older JSON configurations were converted.
+/// The keys of yaw, pitch and roll. The current name comes first, then the names in SGCT's XML configurations, from which older JSON configurations
+/// were converted.
 pub(super) const ANGLES: [&[&str]; 3] = [&["yaw", "heading", "azimuth"], &["pitch", "elevation"], &["roll", "bank"]];
 const QUATERNION: [&[&str]; 4] = [&["x"], &["y"], &["z"], &["w"]];
 
@@ -49,7 +50,7 @@ impl<'a> Field<'a> {
         self.get(key)?.map(|field| field.number()).transpose()
     }
 
-    /// Whether an optional key is true.
+    /// Returns whether an optional key is present and true.
     pub fn flag(&self, key: &str, default: bool) -> Result<bool, Fault> {
         let Some(field) = self.get(key)? else { return Ok(default) };
         field.value.as_bool().ok_or_else(|| Fault::new(&field.place, "neither true nor false", "must be one of them"))
@@ -84,7 +85,7 @@ impl<'a> Field<'a> {
         Ok(DMat4::from_cols_array(&sixteen))
     }
 
-    /// The number of a key that has had several names.
+    /// Returns the number of a key that has had several names.
     fn named_number(&self, names: &[&str]) -> Result<Option<f64>, Fault> {
         let mut found = None;
         for name in names {
@@ -97,7 +98,8 @@ impl<'a> Field<'a> {
         Ok(found)
     }
 
-    /// All numbers of several keys, each with its names; `None` if there are none of them.
+    /// Returns the numbers of several keys, each of which may have several names; `None` if none of the keys is present. An error if only some are
+    /// present.
     fn all_numbers<const N: usize>(&self, keys: [&[&str]; N]) -> Result<Option<[f64; N]>, Fault> {
         let mut numbers = [0.0; N];
         let mut missing = Vec::new();

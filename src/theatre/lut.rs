@@ -14,7 +14,7 @@ const MOST_3D: usize = 256;
 const ALLOWED: &str = "a .cube file must have LUT_1D_SIZE (2 to 65536) or LUT_3D_SIZE (2 to 256), optionally TITLE, and DOMAIN_MIN and \
                        DOMAIN_MAX or the two numbers of LUT_1D_INPUT_RANGE or LUT_3D_INPUT_RANGE, then that many lines of three finite numbers";
 
-/// Mark that some programs write at the beginning of a text in UTF-8.
+/// Byte order mark, which some programs write at the beginning of a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Reads a `.cube` file.
@@ -75,7 +75,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Lut, Fault> {
             "DOMAIN_MIN" | "DOMAIN_MAX" => {
                 let Some(bound) = numbers::<3>(words) else { return bad("not three numbers") };
                 if domain_by.is_some_and(|by| by != "DOMAIN") {
-                    return bad("a domain next to an input range");
+                    return bad("a domain in addition to an input range");
                 }
                 domain_by = Some("DOMAIN");
                 domain[usize::from(keyword == "DOMAIN_MAX")] = bound;
@@ -83,7 +83,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Lut, Fault> {
             "LUT_1D_INPUT_RANGE" | "LUT_3D_INPUT_RANGE" => {
                 let Some(range) = numbers::<2>(words) else { return bad("not two numbers") };
                 if domain_by.replace(keyword).is_some() {
-                    return bad("a second input range, or one next to a domain");
+                    return bad("a second input range, or an input range in addition to a domain");
                 }
                 domain = range.map(|bound| [bound; 3]);
             }
@@ -104,7 +104,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Lut, Fault> {
     };
     let other = if kind == LutKind::One { "LUT_3D_INPUT_RANGE" } else { "LUT_1D_INPUT_RANGE" };
     if domain_by == Some(other) {
-        return bad(format!("{other} in a table of the other kind"));
+        return bad(format!("{other} in a table with another number of dimensions"));
     }
     let expected = if kind == LutKind::One { size } else { size.pow(3) };
     if values.len() != expected {
@@ -140,9 +140,9 @@ mod tests {
         for (wrong, expected) in [
             ("LUT_1D_SIZE 2\nLUT_1D_INPUT_RANGE 0\n0 0 0\n1 1 1", "not two numbers"),
             ("LUT_1D_SIZE 2\nLUT_1D_INPUT_RANGE 1 0\n0 0 0\n1 1 1", "a domain from"),
-            ("LUT_1D_SIZE 2\nLUT_3D_INPUT_RANGE 0 1\n0 0 0\n1 1 1", "of the other kind"),
-            ("LUT_1D_SIZE 2\nDOMAIN_MIN 0 0 0\nLUT_1D_INPUT_RANGE 0 1\n0 0 0\n1 1 1", "next to a domain"),
-            ("LUT_1D_SIZE 2\nLUT_1D_INPUT_RANGE 0 1\nDOMAIN_MIN 0 0 0\n0 0 0\n1 1 1", "next to an input range"),
+            ("LUT_1D_SIZE 2\nLUT_3D_INPUT_RANGE 0 1\n0 0 0\n1 1 1", "with another number of dimensions"),
+            ("LUT_1D_SIZE 2\nDOMAIN_MIN 0 0 0\nLUT_1D_INPUT_RANGE 0 1\n0 0 0\n1 1 1", "in addition to a domain"),
+            ("LUT_1D_SIZE 2\nLUT_1D_INPUT_RANGE 0 1\nDOMAIN_MIN 0 0 0\n0 0 0\n1 1 1", "in addition to an input range"),
             ("LUT_1D_SIZE 2\nLUT_IN_VIDEO_RANGE\n0 0 0\n1 1 1", "`LUT_IN_VIDEO_RANGE` is not a known keyword"),
         ] {
             let Err(Fault::Content { problem, .. }) = decode(wrong.as_bytes()) else { panic!("{wrong}") };

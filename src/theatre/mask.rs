@@ -10,9 +10,9 @@ use crate::{files, view::projector::Weights};
 /// Maximum width or height of a mask.
 const MOST_SIDE_PX: u32 = 8192;
 
-const ALLOWED: &str = "must be a PNG of 8 or 16 bits, grey or RGB (or with its shares in the alpha channel over black or white), of at most 8192 x 8192 pixels";
+const ALLOWED: &str = "must be a PNG of 8 or 16 bits of at most 8192 x 8192 pixels: grey, RGB, or black or white with the mask in the alpha channel";
 
-/// Factors over a projector's raster, with their own size.
+/// Factors for the pixels of a projector's raster. The mask may have a different size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     /// Values per row.
@@ -68,7 +68,7 @@ pub fn read_mask(path: &Path, gamma: f64) -> Result<Mask, TheatreError> {
     Ok(decoded.mask)
 }
 
-/// Largest deviation of a mask's ratio of width to height from that of its raster that causes no note.
+/// Largest relative difference between the aspect ratios of a mask and its raster that causes no note.
 const STRETCHED: f64 = 0.02;
 
 impl Reader<'_> {
@@ -76,7 +76,7 @@ impl Reader<'_> {
     /// projector.
     pub(super) fn note_shape(&mut self, place: &str, mask: &Mask, [width, height]: [u32; 2]) {
         let [across, down] = [mask.width as f64 / f64::from(width), mask.height as f64 / f64::from(height)];
-        // Rounding to whole pixels changes the ratio too.
+        // Rounding to whole pixels also changes the ratio.
         let rounding = 1.0 / mask.width as f64 + 1.0 / mask.height as f64;
         if (across / down - 1.0).abs() > STRETCHED + rounding {
             self.note(format!(
@@ -103,7 +103,7 @@ pub(super) fn check_gamma(gamma: f64) -> Result<f64, Fault> {
     }
 }
 
-/// The product of two masks, with the larger of their sizes.
+/// Returns the product of two masks, with the larger of their sizes.
 pub(super) fn product(first: &Mask, second: &Mask) -> Mask {
     let (width, height) = (first.width.max(second.width), first.height.max(second.height));
     let share = |i: usize, count: usize| (i as f64 + 0.5) / count as f64;
@@ -112,7 +112,7 @@ pub(super) fn product(first: &Mask, second: &Mask) -> Mask {
     Mask { width, height, values, levels: first.levels.max(second.levels) }
 }
 
-/// Decodes a mask. `take` is called before memory for the pixels is allocated.
+/// Decodes a mask. `take` is called with the width and the height before memory for the pixels is allocated.
 pub(super) fn decode(
     bytes: &[u8],
     gamma: f64,
@@ -160,7 +160,7 @@ pub(super) fn decode(
     let texels = || codes.chunks_exact(channels * bytes_each);
     let from_alpha = channels > colours && texels().any(|texel| code(texel, colours) != levels);
     if from_alpha {
-        // Over one colour, black or white, the alpha channel is the mask.
+        // If the colour is black everywhere or white everywhere, the alpha channel is the mask.
         let plain = |wanted: u16| texels().all(|texel| (0..colours).all(|channel| code(texel, channel) == wanted));
         if !plain(0) && !plain(levels) {
             return Err(bad(
@@ -180,7 +180,7 @@ pub(super) fn decode(
             linear(0)
         } else {
             coloured = true;
-            // Luminance of ITU-R BT.709.
+            // The luminance as ITU-R BT.709 defines it.
             0.2126 * linear(0) + 0.7152 * linear(1) + 0.0722 * linear(2)
         });
     }

@@ -1,8 +1,8 @@
 //! Meshes: nodes on the raster, each with a position in a content and optionally an intensity, joined by triangles.
 //!
 //! If the nodes are the points of a regular lattice that fills the raster, they are used as the grid directly. Other
-//! meshes are rasterised in f64, linearly within each triangle, like the programs that they are made for do, and the
-//! grid has samples at the cell centres.
+//! meshes are rasterised in f64, with linear interpolation within each triangle, as in the programs for which they are
+//! made. The grid then has samples at the cell centres.
 
 use glam::DVec2;
 
@@ -18,10 +18,9 @@ use crate::view::projector::DISPLAY_GAMMA;
 pub(super) const MOST_NODES: usize = 1 << 22;
 /// Maximum number of triangles of a mesh.
 pub(super) const MOST_TRIANGLES: usize = 1 << 23;
-/// Maximum number of samples tested against triangles: exceeded only if a mesh overlaps itself many times.
+/// Maximum number of tests of a sample against a triangle. Only a mesh that overlaps itself many times exceeds it.
 const MOST_TRIALS: usize = 1 << 28;
-/// Largest deviation of a node from its lattice position, relative to the raster: the rounding of decimal numbers in
-/// files.
+/// Largest deviation of a node from its lattice position, relative to the raster. Decimal numbers in files are rounded.
 const LATTICE_WITHIN: f64 = 1e-5;
 /// Maximum number of columns or rows of rasterised meshes.
 const MOST_DRAWN: usize = 1024;
@@ -34,7 +33,7 @@ pub(super) struct Node {
     pub place: DVec2,
     /// Position in the content: from 0 to 1, right and upwards.
     pub content: DVec2,
-    /// Factor on the display codes; negative: not drawn.
+    /// Factor on the display codes; a node with a negative factor is not drawn.
     pub intensity: f64,
 }
 
@@ -53,7 +52,7 @@ pub(super) struct Warped {
     pub intensities: Option<Mask>,
 }
 
-/// The grid of a content that fills the raster.
+/// Returns the grid of a content that fills the raster.
 pub(super) fn sampled(content: &Content, [columns, rows]: [usize; 2]) -> Warped {
     let share = |i: usize, count: usize| i as f64 / (count - 1) as f64;
     let nodes = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
@@ -88,7 +87,7 @@ impl Mesh {
             if !bounded || node.place.abs().max_element() > 1e6 {
                 let [place_at, content] = [node.place, node.content].map(|at| shown(at.to_array()));
                 let problem = format!("place {place_at}, content {content}, intensity {}", rounded(node.intensity));
-                let allowed = "must be finite numbers with intensities of at most 1 (negative: not drawn)";
+                let allowed = "must be finite numbers, and intensities must be at most 1 (nodes with a negative intensity are not drawn)";
                 return Err(Fault::new(format!("{place}: node {index} (from 0)"), problem, allowed));
             }
         }
@@ -113,13 +112,12 @@ impl Mesh {
             shown(low),
             shown(high)
         );
-        let allowed =
-            "u and v must be 0 to 1, shares of the picture and not pixels, and lie within the circle of a fisheye";
+        let allowed = "u and v must be between 0 and 1 (fractions of the picture, not pixels), and within the circle of a fisheye";
         Fault::new(place, problem, allowed)
     }
 
-    /// Columns, rows and the node index at each position from the top, if the nodes are a regular lattice that fills
-    /// the raster and the triangles leave no hole.
+    /// Returns the number of columns, the number of rows and the index of the node at each position (from the top), if
+    /// the nodes are a regular lattice that fills the raster and the triangles leave no hole.
     fn lattice(&self) -> Option<(usize, usize, Vec<u32>)> {
         let distinct = |axis: usize| {
             let mut values: Vec<f64> = self.nodes.iter().map(|node| node.place[axis]).collect();
@@ -172,7 +170,7 @@ impl Mesh {
         halves.iter().all(|half| *half == 2).then_some((columns, rows, order))
     }
 
-    /// Content and intensity at the cell centres of the raster, top row first.
+    /// Returns the content and the intensity at the cell centres of the raster, top row first.
     fn drawn(&self, columns: usize, rows: usize, place: &str) -> Result<Vec<Option<[f64; 3]>>, Fault> {
         let mut cells = vec![None; columns * rows];
         let mut trials = 0_usize;
@@ -181,7 +179,7 @@ impl Mesh {
             if a.intensity < 0.0 || b.intensity < 0.0 || c.intensity < 0.0 {
                 continue;
             }
-            // In cells, downwards; centres lie at integers.
+            // Positions in units of cells, downwards; cell centres lie at integers.
             let place_of =
                 |node: &Node| DVec2::new(node.place.x * columns as f64 - 0.5, (1.0 - node.place.y) * rows as f64 - 0.5);
             let (pa, pb, pc) = (place_of(&a), place_of(&b), place_of(&c));
@@ -205,7 +203,7 @@ impl Mesh {
                     let wb = (p - pa).perp_dot(pc - pa) / area;
                     let wc = (pb - pa).perp_dot(p - pa) / area;
                     let wa = 1.0 - wb - wc;
-                    // On an edge, both triangles contain the point.
+                    // A point on an edge is in both triangles.
                     if wa < -1e-9 || wb < -1e-9 || wc < -1e-9 {
                         continue;
                     }
@@ -220,7 +218,7 @@ impl Mesh {
 }
 
 impl Reader<'_> {
-    /// The grid of a mesh, where its content ends, and the mask of its intensities if there are any.
+    /// Returns the grid of a mesh, the border of its content, and the mask of its intensities if there are any.
     pub(super) fn warped(
         &mut self,
         mesh: &Mesh,
@@ -246,7 +244,7 @@ impl Reader<'_> {
             let [columns, rows] = [width, height].map(|side| ((side as f64 * shrink).round() as usize).max(2));
             self.take_grid(columns, rows, place)?;
             self.note(format!(
-                "{place}: not a regular lattice, drawn linearly within each triangle at {columns} x {rows} cell centres"
+                "{place}: not a regular lattice: interpolated linearly within each triangle, at {columns} x {rows} cell centres"
             ));
             let cells = mesh.drawn(columns, rows, place)?;
             let places = cells.into_iter().map(|cell| cell.map(|[u, v, _]| DVec2::new(u, v))).collect();

@@ -58,13 +58,13 @@ pub(super) struct Loaded {
     pub notes: Vec<String>,
 }
 
-/// The format that begins with these bytes.
+/// Returns the format of a file that begins with these bytes.
 pub(super) fn kind(bytes: &[u8]) -> Option<Kind> {
     if bytes.starts_with(b"SGC") {
         return Some(Kind::Sciss);
     }
     let head = std::str::from_utf8(&bytes[..bytes.len().min(1 << 16)]);
-    // The end of the examined bytes may split a character.
+    // The last character of the examined bytes may be incomplete.
     let text = match head {
         Ok(text) => text,
         Err(error) => std::str::from_utf8(&bytes[..error.valid_up_to()]).ok()?,
@@ -136,7 +136,7 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
         sides.iter().all(|side| (2..=MOST_SIDE).contains(side)) && sides.iter().product::<usize>() <= MOST_NODES
     };
     let Some(&[columns, rows]) = sides.as_deref().filter(|sides| sides.len() == 2 && allowed(sides)) else {
-        let allowed = format!("must be columns and rows from 2 to {MOST_SIDE}, at most {MOST_NODES} nodes");
+        let allowed = format!("must be columns and rows from 2 to {MOST_SIDE}, and at most {MOST_NODES} nodes");
         return bad(number, "not a mesh size", &allowed);
     };
     let mut mesh = Mesh::default();
@@ -155,7 +155,7 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
         return Err(Fault::new("mesh", problem, format!("must be {columns} x {rows} according to its second line")));
     }
     if mesh.nodes.iter().all(|node| node.intensity <= 0.0) {
-        let allowed = "nodes that get light must have an intensity above 0, and 1 for full light";
+        let allowed = "nodes that get light must have an intensity above 0; 1 means full light";
         return Err(Fault::new("mesh", "no node has an intensity above 0: nothing would be drawn", allowed));
     }
     let unknown = unlit::settle(&mut mesh, columns, rows);
@@ -224,7 +224,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
         let bad = |problem: &str, allowed: &str| Err(Fault::new(format!("line {}", index + 1), problem, allowed));
         let mut words = line.split_whitespace();
         let keyword = words.next().unwrap_or_default();
-        // All numbers of a line, if their count is valid.
+        // Returns all numbers of a line if their count is valid.
         let coordinates = |words: std::str::SplitWhitespace, counts: std::ops::RangeInclusive<usize>| {
             let values: Option<Vec<f64>> =
                 words.take(5).map(|word| word.parse::<f64>().ok().filter(|value| value.is_finite())).collect();
@@ -248,7 +248,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
                 let mut corners = Vec::new();
                 for word in words.take(65) {
                     let mut parts = word.split('/');
-                    // Indices start at 1; negative ones count back from the last element.
+                    // Indices start at 1; negative indices count back from the last element.
                     let one = |part: Option<&str>, count: usize| match part?.parse::<i64>().ok()? {
                         0 => None,
                         back @ ..0 => count.checked_sub(usize::try_from(back.unsigned_abs()).ok()?),
@@ -261,7 +261,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
                     };
                     let (Some(place), Some(content)) = (place, content) else {
                         return bad(
-                            "a corner of a face without a vertex or texture coordinates",
+                            "a corner of a face refers to a missing vertex or to missing texture coordinates",
                             "both must precede the face",
                         );
                     };
@@ -284,7 +284,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
             _ => {
                 return bad(
                     "an unknown keyword",
-                    "must be one of v, vt and f, or of vn, vp, o, g, s, l, mtllib and usemtl, which are ignored",
+                    "must be v, vt or f, or one of vn, vp, o, g, s, l, mtllib and usemtl, which are ignored",
                 );
             }
         }
@@ -332,7 +332,7 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         1 => {
             return Err(Fault::refused(
                 "a mesh for a cube map",
-                "its nodes do not say which face of the cube they show; only planar coordinates (0) are supported",
+                "its nodes do not specify which face of the cube they show; only planar coordinates (0) are supported",
             ));
         }
         other => return Err(bad("mapping", other.to_string(), "must be 0 (planar)")),
@@ -349,8 +349,9 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
     let rotation = DMat3::from_quat(rotation.normalize());
     let [left, right, down, up] = [left, right, down, up].map(f64::to_radians);
     let content = Content::frustum(left, right, down, up, rotation)?;
-    // Version 1: columns and rows. Version 2: how the nodes are joined (4 triangles, 5 a strip), and their number; some
-    // files of version 2 have columns and rows too. The length of the file distinguishes them.
+    // Version 1 has the numbers of columns and rows here. Version 2 has the kind of the triangles (4 for separate ones,
+    // 5 for a strip) and the number of nodes, but some files of version 2 have columns and rows. The length of the file
+    // distinguishes them.
     let [first, second] = [words.u32().ok_or_else(short)?, words.u32().ok_or_else(short)?].map(|n| n as usize);
     let is_second = version == 2 || version == b'2';
     let fits = |count: usize| {
@@ -377,20 +378,24 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
     mesh.triangles = if is_second && first == 4 && indices.is_multiple_of(3) {
         list.chunks_exact(3).map(|three| [three[0], three[1], three[2]]).collect()
     } else {
-        // A triangle strip; where it turns back, a node occurs twice in a triangle, which is degenerate.
+        // A triangle strip. Where the strip turns back, a triangle contains a node twice and is degenerate.
         list.windows(3).map(|three| [three[0], three[1], three[2]]).collect()
     };
     Ok(Loaded { mesh, mapping: None, content: Some(content), size_px: None, notes: Vec::new() })
 }
 
 impl Reader<'_> {
-    /// The content of a `.data` file from the number of its mapping.
+    /// Returns the content of a `.data` file, given the number of its mapping.
     fn mapped(&mut self, mapping: u32) -> Result<Content, Fault> {
         let refused = |reason: &str| Err(Fault::refused(format!("mapping {mapping} of Paul Bourke's meshes"), reason));
         match mapping {
-            1 => refused("a flat picture has no directions without its field of view, which the file does not contain"),
+            1 => {
+                refused("the directions of a flat picture depend on its field of view, which the file does not contain")
+            }
             2 => self.fisheye(),
-            3 => refused("a cylindrical picture has no directions without its height, which the file does not contain"),
+            3 => {
+                refused("the directions of a cylindrical picture depend on its height, which the file does not contain")
+            }
             4 => {
                 self.note(
                     "content: equirectangular map of the whole sphere, longitude to the right, latitude upwards, front in the centre",
@@ -401,9 +406,9 @@ impl Reader<'_> {
         }
     }
 
-    /// A mesh file without a configuration around it.
+    /// Reads a mesh file that is not part of a configuration.
     pub(super) fn plain_mesh(&mut self, kind: Kind, bytes: &[u8]) -> Result<Region, Fault> {
-        // Only Paul Bourke's meshes depend on the shape of the raster, and they have no size.
+        // Only Paul Bourke's meshes depend on the aspect ratio of the raster, and their files do not contain its size.
         let of_file = if kind == Kind::Bourke { None } else { Some(load(kind, bytes, 1.0)?) };
         let own_size = of_file.as_ref().and_then(|loaded| loaded.size_px);
         let size_px = self.size_px(self.options.size_px.or(own_size), kind.name())?;
@@ -436,7 +441,7 @@ impl Reader<'_> {
         Ok(Region { border, alpha: intensities, multiplies_codes: true, ..region })
     }
 
-    /// Adds a note if a mesh does not fill the raster: its file is often made for another one.
+    /// Adds a note if a mesh does not fill the raster: it is then often made for a different raster.
     pub(super) fn note_reach(&mut self, mesh: &Mesh) {
         let Some(first) = mesh.nodes.first() else { return };
         let (low, high) = mesh

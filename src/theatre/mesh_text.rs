@@ -1,5 +1,5 @@
-//! Meshes with their own frustum, as text: OPENMESH (`.ol`) of Scalable and EasyBlend, Sky-Skan's, and the shifts
-//! of SimCAD, which have none.
+//! Meshes as text: those with their own frustum, which are OPENMESH (`.ol`) of Scalable and EasyBlend and Sky-Skan's
+//! meshes, and the shifts of SimCAD, which have no frustum.
 //!
 //! | format | positions on the raster | content |
 //! |---|---|---|
@@ -21,15 +21,15 @@ use super::{
     xml::{self, Element},
 };
 
-/// Distance of a frustum's plane from the room's origin, m, to which offsets relate.
+/// Distance of a frustum's plane from the room's origin, m. Offsets apply at this distance.
 const PLANE_M: f64 = 10.0;
 /// Height of Sky-Skan's pictures relative to their width, if the file has no vertical field of view.
 const SKY_SKAN_HEIGHT: f64 = 1200.0 / 2048.0;
 
-/// Keys of an OPENMESH that change the geometry in an undocumented way.
+/// Keys of an OPENMESH whose effect on the geometry is not documented.
 const UNKNOWN_GEOMETRY: [&str; 2] = ["USE_SPHERE_SAMPLE_COORDINATE_SYSTEM", "FRUSTUM_EULER_ANGLES"];
 
-/// Other keys of an OPENMESH: those that are read, and those that only describe the file.
+/// Other keys of an OPENMESH: keys that are read, and keys that only describe the file.
 const OPEN_KEYS: [&str; 27] = [
     "OPENMESH",
     "SUBVERSION",
@@ -135,7 +135,7 @@ pub(super) fn open_mesh(text: &str) -> Result<Loaded, Fault> {
     }
     let degrees = |key: &str| Ok::<f64, Fault>(number(key)?.unwrap_or(0.0).to_radians());
     let edge = |key: &str| Ok::<f64, Fault>(needed(key)?.to_radians());
-    // Yaw counts to the left; roll is about the axis of the room.
+    // Yaw is positive to the left; roll is about the axis of the room.
     let rotation = DMat3::from_rotation_z(degrees("PERSPECTIVE_ROLL")?)
         * DMat3::from_rotation_y(degrees("PERSPECTIVE_YAW")?)
         * DMat3::from_rotation_x(degrees("PERSPECTIVE_PITCH")?);
@@ -213,7 +213,7 @@ pub(super) fn sky_skan(text: &str) -> Result<Loaded, Fault> {
             let sides = numbers::<2>(line.split_whitespace())
                 .map(|sides| sides.map(|side| side as usize))
                 .filter(|[columns, rows]| *columns >= 2 && *rows >= 2 && columns.saturating_mul(*rows) <= MOST_NODES);
-            let allowed = format!("must be columns and rows from 2, at most {MOST_NODES} nodes");
+            let allowed = format!("must be columns and rows, at least 2 each, with at most {MOST_NODES} nodes");
             size = Some(sides.ok_or_else(|| Fault::new(place(), "not a mesh size", allowed))?);
         } else {
             let Some([x, y, u, v]) = numbers(line.split_whitespace()) else {
@@ -261,13 +261,15 @@ pub(super) fn sim_cad(bytes: &[u8]) -> Result<Loaded, Fault> {
             .split_whitespace()
             .map(|word| word.parse::<f64>().ok().map(|value| value / range).filter(|value| value.is_finite()))
             .collect();
-        values.ok_or_else(|| Fault::new(&element.place, "not a list of numbers", "must be finite numbers, range not 0"))
+        values.ok_or_else(|| {
+            Fault::new(&element.place, "not a list of numbers", "must be finite numbers, and the range must not be 0")
+        })
     };
     let (across, down) = (shifts("X-FlatParameters")?, shifts("Y-FlatParameters")?);
     let side = across.len().isqrt();
     if across.len() != down.len() || side * side != across.len() || side < 2 || across.len() > MOST_NODES {
         let problem = format!("{} shifts across and {} down", across.len(), down.len());
-        return Err(Fault::new(&definition.place, problem, "must be those of a square lattice, such as 33 x 33"));
+        return Err(Fault::new(&definition.place, problem, "must be the numbers of a square lattice, such as 33 x 33"));
     }
     let mut mesh = Mesh::default();
     for (index, (x, y)) in across.iter().zip(&down).enumerate() {

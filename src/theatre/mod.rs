@@ -1,13 +1,13 @@
-//! Calibrations of projector installations: for each projector the direction that every point of its raster shows,
-//! blend masks and look-up tables.
+//! Calibrations of projector installations. For each projector, they give the direction that every point of its raster
+//! shows, blend masks and look-up tables.
 //!
 //! [`read`] recognises the format by the first bytes: MPCDI sets, SGCT configurations, meshes of several programs,
 //! directions as PFM or OpenEXR. All become a [`Calibration`]: for each region a [`Grid`] of unit vectors in dome axes
-//! (+x right, +y towards the zenith of the screen, -z forward). If a format leaves something open, one interpretation
-//! is chosen, documented in `docs/projectors.md`, and recorded in [`Calibration::notes`]. Contradictions are errors.
-//! Angles are in radians, except in fields named `_deg`.
+//! (+x right, +y towards the zenith of the screen, -z forward). If a format leaves something undefined, one
+//! interpretation is chosen. It is documented in `docs/projectors.md` and recorded in [`Calibration::notes`].
+//! Contradictions are errors. Angles are in radians, except in fields named `_deg`.
 //!
-//! All sizes are bounded: files, archive entries, grids, masks, and the work that a mesh may cause.
+//! All sizes are limited: those of files, archive entries, grids and masks, and the work that a mesh may cause.
 
 mod archive;
 pub mod check;
@@ -75,35 +75,35 @@ const RASTER_PX: std::ops::RangeInclusive<u32> = 2..=16384;
 /// Calibration of one projector, or of one part of its raster.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
-    /// `buffer/region` in MPCDI, `node/window/viewport` in SGCT (counted from 0), else the file name without its
+    /// `buffer/region` in MPCDI, `node/window/viewport` in SGCT (counted from 0), otherwise the file name without its
     /// extension.
     pub name: String,
-    /// The name that the file gives to its window, if it does. If a view in a configuration cannot have this name, it is a part of the name, or
-    /// another name.
+    /// The name that the file gives to its window, if any. If a view of a configuration cannot have this name, the title is a part of it or a
+    /// different name.
     pub title: Option<String>,
     /// Width and height of its raster, pixels.
     pub size_px: [u32; 2],
     /// Directions of its pixels.
     pub grid: Grid,
-    /// Where the content ends; `None` if it fills the grid. Beyond it, pixels are dark.
+    /// Where the content ends; `None` if it fills the grid. Pixels beyond the border are dark.
     pub border: Option<Border>,
     /// Factor on the light.
     pub alpha: Option<Mask>,
-    /// Whether the programs that the file is made for multiply display codes. Alpha is then this factor to the power of
-    /// [`DISPLAY_GAMMA`](crate::view::projector::DISPLAY_GAMMA).
+    /// Whether the programs for which the file is made multiply display codes. Alpha is then this factor to the power
+    /// of [`DISPLAY_GAMMA`](crate::view::projector::DISPLAY_GAMMA).
     pub multiplies_codes: bool,
     /// Black level: the displayed light is `L * alpha * (1 - beta) + beta`, in units of the projector's white.
     pub beta: Option<Mask>,
     /// Colour correction.
     pub lut: Option<Lut>,
-    /// The points of the screen, in the grid's axes, if the file has points.
+    /// The points of the screen, in the grid's axes, if the file contains them.
     pub screen: Option<ScreenSums>,
     /// The options that its directions depend on.
     pub uses: Uses,
 }
 
 impl Region {
-    /// A region that has directions and nothing else.
+    /// Returns a region that has directions and nothing else.
     fn of_grid(name: String, size_px: [u32; 2], grid: Grid) -> Self {
         Self {
             name,
@@ -120,7 +120,7 @@ impl Region {
         }
     }
 
-    /// The projection of its raster.
+    /// Returns the projection of its raster.
     ///
     /// # Errors
     ///
@@ -129,7 +129,7 @@ impl Region {
         Warp::within(self.size_px, &self.grid, self.border.as_ref())
     }
 
-    /// Bytes that identify the projection of its raster: other projections have other bytes.
+    /// Returns bytes that identify the projection of its raster: different projections have different bytes.
     pub fn identity(&self) -> Vec<u8> {
         let mut bytes = self.grid.identity(self.size_px);
         bytes.extend(self.border.iter().flat_map(Border::identity));
@@ -144,7 +144,7 @@ pub struct Calibration {
     pub format: &'static str,
     /// The regions; at least one.
     pub regions: Vec<Region>,
-    /// Every assumption made, in words: axes, order of rows, units, eye point.
+    /// All assumptions, in words: axes, order of rows, units, eye point.
     pub notes: Vec<String>,
 }
 
@@ -184,14 +184,14 @@ pub enum TheatreError {
     },
 }
 
-/// State of one call of [`read`].
+/// State of a call of [`read`].
 pub(crate) struct Reader<'a> {
     /// The file.
     path: &'a Path,
     /// Options of the caller.
     options: &'a ReadOptions,
     notes: Vec<String>,
-    /// The options on which the region that is being read depends.
+    /// The options on which the current region depends.
     uses: Uses,
     samples_left: usize,
     mask_values_left: usize,
@@ -209,7 +209,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Records an assumption, once.
+    /// Records an assumption, unless it is already recorded.
     fn note(&mut self, text: impl Into<String>) {
         let text = text.into();
         if !self.notes.contains(&text) {
@@ -217,7 +217,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A region that has been read, with the options that it depends on.
+    /// Returns a region that has been read, with the options that it depends on.
     fn finished(&mut self, region: Region) -> Region {
         Region { uses: std::mem::take(&mut self.uses), ..region }
     }
@@ -252,14 +252,14 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The size of the raster: from the file if it has one, else from the options.
+    /// Returns the size of the raster: that of the file if it has one, otherwise that of the options.
     fn size_px(&self, file_size: Option<[u32; 2]>, place: &str) -> Result<[u32; 2], Fault> {
         let size = match (file_size, self.options.size_px) {
             (Some(size), Some(asked)) if size != asked => {
                 let [[w, h], [asked_w, asked_h]] = [size, asked];
                 return Err(Fault::new(
                     place,
-                    format!("the raster has {w} x {h} pixels in the file and {asked_w} x {asked_h} in the options"),
+                    format!("the raster has {w} x {h} pixels in the file, but {asked_w} x {asked_h} in the options"),
                     "omit the size, or use that of the file",
                 ));
             }
@@ -279,7 +279,7 @@ impl<'a> Reader<'a> {
         Ok(size)
     }
 
-    /// The content of meshes that only have coordinates in a picture: a fisheye with the field of view from the
+    /// Returns the content of meshes that have only coordinates in a picture: a fisheye with the field of view from the
     /// options.
     fn fisheye(&mut self) -> Result<Content, Fault> {
         let ReadOptions { fov_deg, tilt_deg, .. } = *self.options;
@@ -303,12 +303,12 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Name of the only region of a file: the file name without its extension.
+    /// Returns the name of the only region of a file: the file name without its extension.
     fn stem(&self) -> String {
         self.path.file_stem().map_or_else(|| "region".to_owned(), |stem| stem.to_string_lossy().into_owned())
     }
 
-    /// Whether the options select the region with this name or short name.
+    /// Returns whether the options select the region with this name or short name.
     fn wants(&self, name: &str, short: &str) -> bool {
         self.options.region.as_deref().is_none_or(|wanted| wanted == name || wanted == short)
     }
@@ -330,12 +330,12 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Numbers of cells that are seen upright from the eye (rows to the right, columns down), and of mirrored cells.
+/// Returns the numbers of upright and of mirrored cells, as seen from the eye. In upright cells, rows run to the right and columns run down.
 pub fn upright_and_mirrored_cells(grid: &Grid) -> [usize; 2] {
     cells_by_side(grid, |_| true)
 }
 
-/// The same numbers, only for cells whose upper left sample is counted.
+/// Returns the same numbers, but only for cells for whose upper left sample `is_counted` returns true.
 fn cells_by_side(grid: &Grid, is_counted: impl Fn(usize) -> bool) -> [usize; 2] {
     let mut counts = [0; 2];
     for row in 1..grid.rows {
@@ -412,7 +412,7 @@ fn lone_xml(bytes: &[u8]) -> Fault {
     match root.to_ascii_lowercase().as_str() {
         "cluster" => Fault::refused(
             "a configuration of SGCT in XML",
-            "SGCT itself reads JSON only since its version 3; convert it with SGCT's config-converter, and import the JSON",
+            "since version 3, SGCT itself reads only JSON; convert the file with SGCT's config-converter, and import the JSON",
         ),
         "geometryfile" => Fault::refused(
             "a lone SimCAD mesh",
@@ -421,7 +421,7 @@ fn lone_xml(bytes: &[u8]) -> Fault {
         ),
         "mpcdi" => Fault::new(
             "content",
-            "the description of an MPCDI set without the set",
+            "the description of an MPCDI set, without the rest of the set",
             "use the whole .mpcdi file, which includes the files that it refers to",
         ),
         _ => Fault::new("content", format!("XML with the root <{}>", root.escape_debug()), KNOWN),
@@ -435,7 +435,7 @@ fn other_text(bytes: &[u8]) -> Option<Fault> {
         return Some(Fault::new("content", "text in UTF-16", "must be text in UTF-8: save it in that encoding"));
     }
     if text_start.starts_with(b"//") || text_start.starts_with(b"/*") {
-        let allowed = "JSON has no comments: remove those of a configuration of SGCT";
+        let allowed = "JSON has no comments: remove those in the configuration of SGCT";
         return Some(Fault::new("content", "it begins with a comment (`//` or `/*`)", allowed));
     }
     None
@@ -445,7 +445,7 @@ impl Reader<'_> {
     fn regions(&mut self, bytes: &[u8]) -> Result<(&'static str, Vec<Region>), Fault> {
         let text_start = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
         if text_start.is_empty() {
-            let problem = if bytes.is_empty() { "the file is empty" } else { "the file has only blanks" };
+            let problem = if bytes.is_empty() { "the file is empty" } else { "the file contains only white space" };
             return Err(Fault::new("content", problem, KNOWN));
         }
         if bytes.starts_with(b"PK") {
@@ -473,7 +473,7 @@ impl Reader<'_> {
         }
         if lut::is_cube(bytes) {
             return Err(Fault::refused(
-                "a lone look-up table (.cube)",
+                "a look-up table (.cube) by itself",
                 "it contains colours and no directions; use it together with a calibration",
             ));
         }
@@ -484,7 +484,7 @@ impl Reader<'_> {
         Ok((kind.name(), vec![self.finished(region)]))
     }
 
-    /// A picture of unit vectors.
+    /// Reads a picture of unit vectors.
     fn directions(&mut self, plane: pfm::Plane, format_order: RowOrder) -> Result<Region, Fault> {
         let place = "samples";
         self.take_grid(plane.width, plane.height, place)?;
@@ -513,7 +513,7 @@ impl Reader<'_> {
                 continue;
             }
             let length = vector.length();
-            // Three half floats are accurate to 5e-4.
+            // The length of a vector of three half floats is accurate to 5e-4.
             if !length.is_finite() || (length - 1.0).abs() >= 2e-3 {
                 return Err(Fault::new(
                     here(),
@@ -536,7 +536,7 @@ impl Reader<'_> {
         Ok(Region::of_grid(self.stem(), size_px, grid))
     }
 
-    /// The order of rows, recorded as a note.
+    /// Returns the order of rows, and records it as a note.
     fn rows(&mut self, format_order: RowOrder, what: &str) -> RowOrder {
         self.uses.rows = true;
         let (order, why) = match self.options.rows {

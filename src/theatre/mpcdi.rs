@@ -24,7 +24,7 @@ use super::{
     xml::{self, Element},
 };
 
-/// Tolerance for the length and orthogonality of axes.
+/// Tolerance for the lengths and the orthogonality of axes.
 const AXES_WITHIN: f64 = 1e-3;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -40,7 +40,7 @@ enum Geometry {
     Picture(Content),
     Points {
         dome_from_file: DMat3,
-        /// In the unit of the file.
+        /// The eye, in the unit of the file.
         origin: DVec3,
         /// In dome axes.
         eye: DVec3,
@@ -104,11 +104,15 @@ impl Reader<'_> {
                         (Some(fileset), None) => Some(Element { node: fileset.node, place }),
                         (None, _) if region.child("frustum")?.is_some() => None,
                         (None, _) => {
-                            let allowed = "every region must have its files, or a frustum";
+                            let allowed = "every region must have a set of files, or a frustum";
                             return Err(Fault::new(place, "it is missing", allowed));
                         }
                         (_, Some(_)) => {
-                            return Err(Fault::new(place, "it occurs twice", "every region must have only one set"));
+                            return Err(Fault::new(
+                                place,
+                                "it occurs twice",
+                                "every region must have at most one set of files",
+                            ));
                         }
                     };
                     let lens = lenses.iter().find(|(buffer, region, _)| *buffer == buffer_id && *region == id);
@@ -145,10 +149,10 @@ impl Reader<'_> {
         Ok(regions)
     }
 
-    /// The profile; also checks version and levels.
+    /// Returns the profile. Also checks the version and the levels.
     fn profile(&mut self, root: &Element) -> Result<Profile, Fault> {
         if !root.node.tag_name().name().eq_ignore_ascii_case("mpcdi") {
-            return Err(Fault::new(&root.place, "it is not the root of a set", "the root must be <MPCDI>"));
+            return Err(Fault::new(&root.place, "this is not the root of an MPCDI set", "the root must be <MPCDI>"));
         }
         let version = root.needed_attribute("version")?;
         let major = version.split('.').next().unwrap_or_default();
@@ -184,7 +188,7 @@ impl Reader<'_> {
         Ok(profile)
     }
 
-    /// Size of a region in pixels; it must match its share of the buffer.
+    /// Returns the size of a region in pixels, which must match its share of the buffer.
     fn region_size(&self, buffer: &Element, region: &Element) -> Result<[u32; 2], Fault> {
         let pixels = |element: &Element, name: &str| -> Result<Option<f64>, Fault> {
             let Some(count) = element.attribute_number(name)? else { return Ok(None) };
@@ -202,14 +206,14 @@ impl Reader<'_> {
             let start = region.attribute_number(start)?.unwrap_or(0.0);
             let share = region.attribute_number(share)?.unwrap_or(1.0);
             if !(share > 0.0 && start >= -1e-6 && start + share <= 1.0 + 1e-6) {
-                let problem = format!("it covers {start} to {} of its buffer", start + share);
-                return Err(Fault::new(&region.place, problem, "a region must lie within 0 to 1 of its buffer"));
+                let problem = format!("it extends from {start} to {} of its buffer", start + share);
+                return Err(Fault::new(&region.place, problem, "a region must lie between 0 and 1 of its buffer"));
             }
             let in_buffer = pixels(buffer, resolution)?.map(|pixels| pixels * share);
             match (pixels(region, resolution)?, in_buffer) {
                 (Some(own), Some(shared)) if (own - shared).abs() > 1.0 => {
                     let problem = format!("{resolution} = {own}, but its share of the buffer is {shared}");
-                    return Err(Fault::new(&region.place, problem, "both must agree within a pixel"));
+                    return Err(Fault::new(&region.place, problem, "the two must agree within a pixel"));
                 }
                 (Some(own), _) => size[axis] = own as u32,
                 (None, Some(shared)) => size[axis] = shared.round() as u32,
@@ -238,13 +242,14 @@ impl Reader<'_> {
         if let Some(lens) = lens.filter(|_| needs_frustum) {
             return Err(Fault::refused(
                 lens.place.clone(),
-                "the extension gives the lens of the projector by coefficients whose unit differs between programs, and the region has no points of the screen; export a warp map of the profile a3 or sl",
+                "the extension describes the lens of the projector by coefficients whose unit differs between programs, and the region has no points of the screen; export a warp map of the profile a3 or sl",
             ));
         }
         let (grid, border, screen) = match (profile, &warp) {
             (Profile::Points(_), None) if !has_frustum => {
                 let problem = "<geometryWarpFile> is missing";
-                let allowed = "profiles a3 and sl must have their points there, or the region a frustum";
+                let allowed =
+                    "with the profiles a3 and sl, there must be points there, or the region must have a frustum";
                 return Err(Fault::new(fileset.map_or(&region.place, |set| &set.place), problem, allowed));
             }
             (_, None) => {
@@ -259,7 +264,7 @@ impl Reader<'_> {
                 let geometry = match profile {
                     Profile::Frustum(_) => {
                         self.note(
-                            "coordinates of content: u from 0 (left) to 1 (right), v from 0 (bottom) to 1 (top), as in an OpenGL texture look-up",
+                            "coordinates in the picture: u from 0 (left) to 1 (right), v from 0 (bottom) to 1 (top), as in an OpenGL texture look-up",
                         );
                         self.note(
                             "frustum: yaw to the right, then pitch upwards, then roll clockwise as seen from behind",
@@ -290,7 +295,7 @@ impl Reader<'_> {
         Ok(Region { border, alpha, beta, lut, screen, ..Region::of_grid(name, size_px, grid) })
     }
 
-    /// Eye point, origin and axes of the points of `a3` and `sl`.
+    /// Returns the eye point, origin and axes of the points of `a3` and `sl`.
     fn points(&mut self, region: &Element, warp: &Element) -> Result<Geometry, Fault> {
         // Unit of the points, and the eye in this unit.
         let unit = word(warp, "geometricUnit")?;
@@ -324,7 +329,7 @@ impl Reader<'_> {
                 ));
             }
         };
-        // Origin of the points: the eye is relative to it.
+        // Origin of the points, to which the position of the eye is relative.
         let origin = warp.child_text("originOf3DData")?;
         match word(warp, "originOf3DData")?.as_deref() {
             Some("idealeyepoint") => {}
@@ -343,7 +348,7 @@ impl Reader<'_> {
             self.note(format!("points in the unit {unit}"));
         }
         (self.uses.eye, self.uses.axes) = (true, true);
-        // Axes and origin: from the options, else from the coordinate frame, else the default.
+        // Axes and origin come from the options, otherwise from the coordinate frame, otherwise they have default values.
         let frame = region.child("coordinateFrame")?;
         let position = match &frame {
             Some(frame) => vector(frame, "pos")?,
@@ -367,11 +372,11 @@ impl Reader<'_> {
                 DMat3::IDENTITY
             }
         };
-        // Without a unit of the points, the size of the screen is unknown too.
+        // If the unit of the points is unknown, the size of the screen is also unknown.
         Ok(Geometry::Points { dome_from_file, origin: position, eye, metres: metres.unwrap_or(1.0) })
     }
 
-    /// The warp map as directions, and the screen points from which they were computed.
+    /// Returns the warp map as directions, and the screen points from which they were computed.
     fn warp(
         &mut self,
         geometry: &Geometry,
@@ -405,7 +410,7 @@ impl Reader<'_> {
         let mut samples = Vec::with_capacity(columns * rows);
         let mut places = Vec::new();
         let mut screen = ScreenSums::default();
-        // A map shows each point only once, so zeros in several samples mark unknown samples.
+        // A map shows each point only once, so samples with zeros are unknown samples if there are several.
         let zeros = plane.top_down(order).filter(|(_, _, value)| no_value(value)).count();
         if zeros > 1 {
             self.note(format!("{place}: {zeros} of {} samples are zeros: they are treated as unknown", columns * rows));
@@ -474,7 +479,7 @@ impl Reader<'_> {
     }
 }
 
-/// Buffer, region and element of each lens of the extension `BufferExtension` that is not planar with square pixels.
+/// Returns the buffer, region and element of each lens in the extension `BufferExtension`, except planar lenses with square pixels.
 fn lenses<'a, 'input>(root: &Element<'a, 'input>) -> Result<Vec<(&'a str, &'a str, Element<'a, 'input>)>, Fault> {
     let mut found = Vec::new();
     for set in root.children("extensionSet") {
@@ -492,12 +497,12 @@ fn lenses<'a, 'input>(root: &Element<'a, 'input>) -> Result<Vec<(&'a str, &'a st
     Ok(found)
 }
 
-/// Reads one of several words, in lower case. Scalable's library misspells one of them.
+/// Reads one of several words, in lower case. Scalable's library misspells one of the words.
 fn word(element: &Element, name: &str) -> Result<Option<String>, Fault> {
     Ok(element.child_word(name)?.map(|word| if word == "unkown" { "unknown".to_owned() } else { word }))
 }
 
-/// Whether a sample has zeros instead of a position.
+/// Returns whether a sample has zeros instead of a position.
 fn no_value(value: &[f32; 3]) -> bool {
     *value == [0.0; 3]
 }
@@ -508,7 +513,7 @@ fn vector(element: &Element, stem: &str) -> Result<DVec3, Fault> {
     Ok(DVec3::new(part("x")?, part("y")?, part("z")?))
 }
 
-/// The picture of a frustum in its own axes.
+/// Returns the picture of a frustum in the axes of the frustum.
 fn frustum(element: &Element) -> Result<Content, Fault> {
     let degrees = |name: &str| Ok(element.number(name)?.to_radians());
     let rotation = yaw_pitch_roll(degrees("yaw")?, degrees("pitch")?, degrees("roll")?);
@@ -522,7 +527,7 @@ fn frustum(element: &Element) -> Result<Content, Fault> {
     .map_err(|fault| fault.within(&element.place))
 }
 
-/// The picture of a frustum in dome axes.
+/// Returns the picture of a frustum in dome axes.
 fn frustum_with_axes(element: &Element, reader: &mut Reader) -> Result<Content, Fault> {
     let content = frustum(element)?;
     reader.uses.axes = true;
@@ -546,7 +551,7 @@ fn frame_axes(frame: &Element) -> Result<DMat3, Fault> {
         return Err(Fault::new(
             &frame.place,
             format!("axes yaw {down}, pitch {right}, roll {forward}"),
-            "must be three orthogonal unit vectors, with yaw pointing down: roll x pitch = yaw",
+            "must be three orthogonal unit vectors with roll x pitch = yaw, where yaw points down",
         ));
     }
     Ok(axes.transpose())

@@ -3,7 +3,7 @@
 use super::{Mask, Reader, archive::Archive, fault::Fault, lut, mask, xml::Element};
 
 impl Reader<'_> {
-    /// Reads an entry that the description names.
+    /// Reads the entry that the description names.
     pub(super) fn entry(&mut self, path: &str, archive: &mut Archive) -> Result<Vec<u8>, Fault> {
         let name = archive.entry(path, &archive.described)?;
         if name != path {
@@ -61,7 +61,7 @@ impl Reader<'_> {
         archive: &mut Archive,
     ) -> Result<Option<lut::Lut>, Fault> {
         let mut found = None;
-        // The table that corrects the projector's colours takes precedence over those that change the encoding.
+        // The look-up table that corrects the projector's colours takes precedence over tables that change the encoding.
         for kind in ["correctLUT", "colorCorrectLUT", "encodeLUT", "decodeLUT"] {
             let Some(element) = named_file(fileset, kind)? else { continue };
             if found.is_some() {
@@ -78,8 +78,7 @@ impl Reader<'_> {
     }
 }
 
-/// A child of a set of files, unless it names no file: some programs write every element, with an empty path if there is
-/// no file.
+/// Returns a child of a set of files if it names a file. Some programs write every element, with an empty path if there is no file.
 pub(super) fn named_file<'a, 'input>(
     fileset: &Element<'a, 'input>,
     name: &str,

@@ -1,4 +1,4 @@
-//! The elements and attributes of an MPCDI description. Unknown ones cause a note: a misspelled name would drop a mask or a map.
+//! The elements and attributes of an MPCDI description. Unknown names cause a note: because of a misspelled name, a mask or a map would be ignored.
 
 use super::xml::Element;
 
@@ -8,7 +8,7 @@ const MOST_NOTES: usize = 20;
 /// An element, its attributes and its child elements.
 type Known = (&'static str, &'static [&'static str], &'static [&'static str]);
 
-/// Children of a mask. Some programs give the same children to a look-up table.
+/// Children of a mask. Some programs write the same children for a look-up table.
 const PICTURE: &[&str] = &["path", "componentDepth", "bitDepth", "gammaEmbedded"];
 
 const NAMES: [Known; 16] = [
@@ -84,7 +84,7 @@ fn collect(element: &Element, notes: &mut Vec<String>) {
     }
 }
 
-/// Extensions other than the one in which lenses are looked up.
+/// Extensions other than the one from which lenses are read.
 fn collect_extensions(set: &Element, notes: &mut Vec<String>) {
     for extension in set.children("extension") {
         let name = extension.attribute("name").unwrap_or_default();

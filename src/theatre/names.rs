@@ -1,22 +1,22 @@
-//! Names of regions that views of a configuration can have: at most 64 letters, digits, `_` and `-` of ASCII.
+//! Converts names of regions to names that views of a configuration can have: at most 64 ASCII letters, digits, `_` and `-`.
 
 use std::collections::HashSet;
 
 use super::{MOST_REGIONS, Reader, Region};
 
-/// Length to which names are shortened: a view of another file may add a number to a name that two files have.
+/// Length to which names are shortened. It leaves room for a number, which is added if two files have the same name.
 const MOST_LETTERS: usize = 56;
 /// Maximum length of the name of a view.
 const MOST_OF_VIEW: usize = 64;
 
-/// The name of a view in which other characters are `_`.
+/// Returns the name with characters that views cannot have replaced by `_`.
 pub(crate) fn plain(name: &str) -> String {
     let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
     name.chars().map(letter).collect()
 }
 
 impl Reader<'_> {
-    /// Gives a title to regions whose names are too long for a view or are in another script, and notes the original names.
+    /// Gives a title to regions whose names are too long for a view or are in another script, and adds notes with the original names.
     pub(super) fn title(&mut self, regions: &mut [Region]) {
         let named = |region: &Region| region.title.as_ref().unwrap_or(&region.name).clone();
         let is_fit = |name: &str| name.is_ascii() && name.len() <= MOST_OF_VIEW;
@@ -34,11 +34,11 @@ impl Reader<'_> {
             }
             short.truncate(MOST_LETTERS);
             let numbered = |n: usize| if n == 1 { short.clone() } else { format!("{short}_{n}") };
-            // There are more numbers than regions, so a name is found.
+            // There are more numbers than regions, so an unused name is found.
             let title = (1..=MOST_REGIONS + 1).map(numbered).find(|name| used.insert(name.clone()));
             let Some(title) = title else { continue };
             self.note(format!(
-                "the view {title} is `{}` in the file: a view's name has at most {MOST_OF_VIEW} letters, digits, `_` and `-` of ASCII",
+                "the view {title} is `{}` in the file: a view's name has at most {MOST_OF_VIEW} ASCII letters, digits, `_` and `-`",
                 whole.escape_debug()
             ));
             region.title = Some(title);

@@ -1,4 +1,4 @@
-//! Options of `read`: information missing in a file, or overriding its format.
+//! Options of `read`: information that is missing in a file, or that replaces what its format specifies.
 
 use glam::{DMat3, DVec3};
 
@@ -40,7 +40,7 @@ impl Axes {
             ))
         };
         let index = |name: &str| ["x", "y", "z"].iter().position(|axis| *axis == name);
-        // Rows: the file's axis for each axis of the dome.
+        // Each row has the file's axis for an axis of the dome.
         let mut rows: [Option<DVec3>; 3] = [None; 3];
         let mut used = [false; 3];
         for entry in text.split(',') {
@@ -84,7 +84,7 @@ impl Axes {
     }
 }
 
-/// A map of axes in the form of [`Axes::parse`].
+/// Formats a map of axes for [`Axes::parse`].
 fn map_text(matrix: &DMat3) -> String {
     let row = |i: usize| {
         let row = matrix.row(i);
@@ -99,23 +99,23 @@ fn map_text(matrix: &DMat3) -> String {
     format!("x={},y={},z={}", row(0), row(1), row(2))
 }
 
-/// The options on which the directions of a region depend. Other options are refused if they are given.
+/// The options on which the directions of a region depend. An option on which no region depends is refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Uses {
-    /// [`ReadOptions::rows`]: it has a picture of samples.
+    /// [`ReadOptions::rows`]: the region has a picture of samples.
     pub rows: bool,
-    /// [`ReadOptions::axes`]: it has points, directions, or a frustum in axes of the file.
+    /// [`ReadOptions::axes`]: the region has points, directions, or a frustum in axes of the file.
     pub axes: bool,
-    /// [`ReadOptions::eye_m`]: it has points or planes in space, and the file has no eye.
+    /// [`ReadOptions::eye_m`]: the region has points or planes in space, and the file has no eye point.
     pub eye: bool,
-    /// [`ReadOptions::fov_deg`] and [`ReadOptions::tilt_deg`]: its picture is a fisheye that the file does not describe.
+    /// [`ReadOptions::fov_deg`] and [`ReadOptions::tilt_deg`]: the picture of the region is a fisheye that the file does not describe.
     pub fisheye: bool,
 }
 
 /// Information that the caller provides for a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Name of the only region to read; `None` for all.
+    /// Name of the region to read; `None` for all regions.
     pub region: Option<String>,
     /// Width and height of the raster, pixels, if the file has none. If the file has one, they must agree; for a
     /// picture of directions this replaces the picture's own size.
@@ -151,9 +151,9 @@ impl Default for ReadOptions {
 type Idle = (String, &'static str, &'static str);
 
 impl ReadOptions {
-    /// Returns the first option that is given but on which nothing depends. `is_used` returns whether any region depends on an option.
+    /// Returns the first given option on which no region depends. `is_used` returns whether any region depends on an option.
     pub(super) fn idle(&self, is_used: impl Fn(fn(&Uses) -> bool) -> bool) -> Option<Idle> {
-        const OPEN_FISHEYE: &str = "do not come from a fisheye whose field of view and tilt it leaves open";
+        const OPEN_FISHEYE: &str = "do not come from a fisheye whose field of view and tilt are missing in the file";
         const TILT: &str = "omit it; to tilt a dome of projectors, use the orientation of the views, which `projectors import --dome-tilt-deg` writes";
         let standard = Self::default();
         let has_fisheye = is_used(|uses| uses.fisheye);
@@ -166,12 +166,16 @@ impl ReadOptions {
         if self.rows != standard.rows && !is_used(|uses| uses.rows) {
             let order = if self.rows == RowOrder::TopFirst { "top_first" } else { "bottom_first" };
             let reason = "do not come from rows of samples";
-            return Some((format!("rows = {order}"), reason, "omit it; it is for PFM, also in MPCDI, and for OpenEXR"));
+            return Some((
+                format!("rows = {order}"),
+                reason,
+                "omit it; it is for PFM (including PFM in MPCDI) and OpenEXR",
+            ));
         }
         if let Axes::Map(matrix) = &self.axes
             && !is_used(|uses| uses.axes)
         {
-            let reason = "are in axes that its format defines";
+            let reason = "are in axes that the format defines";
             let allowed = "omit it; it is for MPCDI, and for directions as PFM or OpenEXR";
             return Some((format!("axes = {}", map_text(matrix)), reason, allowed));
         }

@@ -3,7 +3,7 @@
 
 use super::{MOST_SIDE, RowOrder, fault::Fault};
 
-/// Range of the absolute values of coordinates, unit vectors and points, except for 0.
+/// Range of the absolute values of coordinates, unit vectors and points that are not 0.
 const PLAUSIBLE: std::ops::Range<f32> = 1e-6..1e6;
 
 /// A picture of three floats per sample, in the order of the file.
@@ -14,7 +14,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// Column, row from the top and value of every sample, top row first.
+    /// Returns the column, the row (from the top) and the value of every sample, top row first.
     pub fn top_down(&self, order: RowOrder) -> impl Iterator<Item = (usize, usize, [f32; 3])> {
         (0..self.height).flat_map(move |row| {
             let in_file = if order == RowOrder::BottomFirst { self.height - 1 - row } else { row };
@@ -28,7 +28,7 @@ pub(super) fn is_pfm(bytes: &[u8]) -> bool {
     matches!(bytes, [b'P', b'F' | b'f', end, ..] if end.is_ascii_whitespace())
 }
 
-/// The next word of a text header; also consumes one whitespace character after it.
+/// Returns the next word of a text header. Also consumes one whitespace character after it.
 fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a str> {
     let text = bytes.trim_ascii_start();
     // The numbers of a header are short; longer words are invalid.
@@ -43,7 +43,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
     let bad = |problem: String, allowed: &str| Fault::new("PFM header", problem, allowed);
     match word(&mut rest) {
         Some("PF") => {}
-        Some("Pf") => return Err(bad("one float per sample (Pf)".to_owned(), "must be three floats per sample (PF)")),
+        Some("Pf") => {
+            return Err(bad("it has one float per sample (Pf)".to_owned(), "must be three floats per sample (PF)"));
+        }
         _ => return Err(bad("it does not begin with PF".to_owned(), "must have PF, width, height and scale")),
     }
     let mut side = |name: &str| {
@@ -88,8 +90,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
     if 2 * plausible(little_endian) < count && 100 * plausible(!little_endian) >= 99 * count {
         let (order, right, sign) = if little_endian { ("little", "big", "1") } else { ("big", "little", "-1") };
         let problem = format!("most values are implausible in the byte order of the header ({order}-endian)");
-        let allowed =
-            format!("they are plausible in the other: the scale must be {sign} if the samples are {right}-endian");
+        let allowed = format!(
+            "they are plausible in the other byte order: the scale must be {sign} if the samples are {right}-endian"
+        );
         return Err(Fault::new("PFM samples", problem, allowed));
     }
     let number = |four: &[u8]| read_as(little_endian, four);

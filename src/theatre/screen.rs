@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DMat4, DVec3, DVec4};
 
-/// Sums over points of a screen; those of several projectors can be added.
+/// Sums over points of a screen. Sums for several projectors can be added.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScreenSums {
     count: f64,
-    /// Sums of p, of p p^T, of |p|^2 p, of |p|^2 and of |p|^4.
+    /// Sums of p, p p^T, |p|^2 p, |p|^2 and |p|^4.
     first: DVec3,
     second: DMat3,
     third: DVec3,
@@ -26,7 +26,7 @@ pub struct Sphere {
 }
 
 impl Default for ScreenSums {
-    /// No points. Explicit, because the default of a matrix is the identity and not zero.
+    /// Sums without points. Written out, because the default of a matrix is the identity and not zero.
     fn default() -> Self {
         let zero = DVec3::ZERO;
         Self { count: 0.0, first: zero, second: DMat3::ZERO, third: zero, squares: 0.0, fourth: 0.0 }
@@ -55,7 +55,7 @@ impl ScreenSums {
         self.fourth += other.fourth;
     }
 
-    /// The same points in rotated axes.
+    /// Returns the sums for the same points in rotated axes.
     #[must_use]
     pub fn turned(&self, rotation: DMat3) -> Self {
         Self {
@@ -66,8 +66,8 @@ impl ScreenSums {
         }
     }
 
-    /// The sphere |p|^2 = 2 c p + k that minimises the squared residuals of that equation; `None` if the points are
-    /// coplanar or too few.
+    /// Returns the sphere |p|^2 = 2 c p + k that minimises the squared residuals of this equation; `None` if the points
+    /// are coplanar or too few.
     pub fn sphere(&self) -> Option<Sphere> {
         if self.count < 4.0 {
             return None;
@@ -78,7 +78,7 @@ impl ScreenSums {
         let first = self.first * 2.0 / self.count;
         let matrix = DMat4::from_cols(x.extend(first.x), y.extend(first.y), z.extend(first.z), first.extend(1.0));
         let size = mean(self.squares);
-        // For coplanar points the determinant is only rounding error.
+        // For coplanar points, the determinant is 0 except for rounding errors.
         if matrix.determinant().abs() < 1e-9 * size.powi(3) {
             return None;
         }
@@ -86,7 +86,7 @@ impl ScreenSums {
         let solution: DVec4 = matrix.inverse() * right;
         let (centre_m, k) = (solution.truncate(), solution.w);
         let radius_m = (k + centre_m.length_squared()).sqrt();
-        // The residual |p|^2 - 2 c p - k is about 2 r times the distance.
+        // The residual |p|^2 - 2 c p - k is about 2 r times the distance of a point from the sphere.
         let [c, s] = [centre_m, self.first / self.count];
         let square = mean(self.fourth) - 4.0 * c.dot(self.third) / self.count - 2.0 * k * size
             + 4.0 * c.dot(self.second * c) / self.count

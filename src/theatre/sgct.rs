@@ -1,8 +1,8 @@
-//! Configurations of SGCT in JSON: a region for each viewport, with its projection, mesh and masks.
+//! Reads configurations of SGCT in JSON. Each viewport becomes a region with its projection, mesh and masks.
 //!
-//! SGCT draws a viewport with its projection, then warps that picture with the mesh, then applies blend mask and black
-//! level. The raster is the viewport's part of the window. Directions are those of the projection in the room's axes
-//! (+x right, +y up, -z forward).
+//! SGCT draws a viewport with its projection, then warps that picture with the mesh, then applies the blend mask and
+//! the black level. The raster is the viewport's part of the window. Directions are those of the projection in the
+//! room's axes (+x right, +y up, -z forward).
 
 use std::path::{Component, Path, PathBuf};
 
@@ -27,7 +27,7 @@ use crate::{files, view::projector::DISPLAY_GAMMA};
 const MOST_TEXT: usize = 16 << 20;
 /// Columns and rows of the grid of a viewport without a mesh.
 const PLAIN: [usize; 2] = [65, 65];
-/// The same for fisheyes that reach near the antipode of their centre, where small errors are many pixels.
+/// The same for fisheyes that extend almost to the antipode of their centre, where small errors are many pixels.
 const WIDE: [usize; 2] = [257, 257];
 
 impl Reader<'_> {
@@ -104,7 +104,7 @@ impl Reader<'_> {
         Ok(regions)
     }
 
-    /// Applies the rotation of the scene: a direction of the room shows the turned-back direction of the scene.
+    /// Applies the rotation of the scene. A direction of the room shows the direction of the scene that is turned back by this rotation.
     fn turn_scene(&mut self, scene: &Field, regions: &mut [Region]) -> Result<(), Fault> {
         for (key, idle) in [("offset", 0.0), ("scale", 1.0)] {
             if let Some(field) = scene.get(key)? {
@@ -114,7 +114,7 @@ impl Reader<'_> {
                 );
                 if numbers.iter().any(|number| *number != Some(idle)) {
                     self.note(format!(
-                        "{}: it is not applied, as it does not change directions to the sky",
+                        "{}: it is not applied, because it does not change directions in the sky",
                         field.place
                     ));
                 }
@@ -123,11 +123,14 @@ impl Reader<'_> {
         let Some(orientation) = scene.get("orientation")? else { return Ok(()) };
         let zeros = |map: &serde_json::Map<String, Value>| map.values().all(|value| value.as_f64() == Some(0.0));
         if orientation.value.as_object().is_some_and(zeros) {
-            // A quaternion of zeros has no effect in SGCT either.
+            // A quaternion of zeros has no effect, as in SGCT.
             return Ok(());
         }
         let rotation = orientation.rotation()?;
-        self.note(format!("{}: the scene is turned in the room, so all directions are turned back", orientation.place));
+        self.note(format!(
+            "{}: the scene is turned in the room, so all directions are turned by the opposite rotation",
+            orientation.place
+        ));
         let turned_back = rotation.transpose();
         for region in regions {
             for sample in region.grid.samples.iter_mut().flatten() {
@@ -156,7 +159,7 @@ impl Reader<'_> {
             (Some(mesh), Some(_)) => {
                 return Err(Fault::new(
                     mesh.place,
-                    "a mesh besides the scalablemesh of its window",
+                    "a mesh in addition to the scalablemesh of its window",
                     "only one can be applied",
                 ));
             }
@@ -196,8 +199,8 @@ impl Reader<'_> {
             && (position + size).max_element() <= 1.0 + 1e-6)
         {
             let [low, high] = [position, position + size].map(|at| shown(at.to_array()));
-            let problem = format!("it covers {low} to {high} of its window");
-            return Err(Fault::new(&viewport.place, problem, "a viewport must lie within 0 to 1 of its window"));
+            let problem = format!("it extends from {low} to {high} of its window");
+            return Err(Fault::new(&viewport.place, problem, "a viewport must lie between 0 and 1 of its window"));
         }
         // `res` is the size of SGCT's internal picture, which is then scaled to the window.
         let pixels = match (window.get("size")?, window.get("res")?) {
@@ -236,7 +239,7 @@ impl Reader<'_> {
             && (mapping == 2) != drawn.round
         {
             let problem = format!("a mesh by Paul Bourke for mapping {mapping}");
-            return Err(Fault::new("mesh", problem, "a fisheye requires mapping 2, and mapping 2 a fisheye"));
+            return Err(Fault::new("mesh", problem, "a fisheye requires mapping 2, and mapping 2 requires a fisheye"));
         }
         if kind == Kind::Obj {
             self.note("OBJ meshes have positions and coordinates relative to the whole window");
@@ -252,7 +255,10 @@ impl Reader<'_> {
                 return Err(Fault::new("mesh", problem, "it requires a planar projection"));
             }
             Some(content) => {
-                self.note(format!("{}: it has its own frustum, which replaces that of the viewport", kind.name()));
+                self.note(format!(
+                    "{}: the mesh has its own frustum, which replaces that of the viewport",
+                    kind.name()
+                ));
                 content
             }
             None => {
@@ -263,7 +269,7 @@ impl Reader<'_> {
         self.warped(&loaded.mesh, &content, area.size_px, "mesh")
     }
 
-    /// A PFM of positions in the picture, at nodes from edge to edge.
+    /// Reads a PFM with positions in the picture, for nodes from edge to edge of the raster.
     fn pfm_grid(&mut self, drawn: &Drawn, bytes: &[u8]) -> Result<Warped, Fault> {
         if !drawn.texture_mapped {
             let reason = "for projections other than texturemapped it contains positions on the raster for two eyes";
@@ -323,8 +329,8 @@ impl Reader<'_> {
         Ok(Some(decoded.mask))
     }
 
-    /// Reads the file that a field refers to, in the configuration's folder or below it; returns its location for
-    /// messages, and its content.
+    /// Reads the file that a field refers to. It must be in the configuration's folder or below it. Returns its
+    /// location for messages, and its content.
     fn referenced_file(&mut self, field: Option<Field>) -> Result<Option<(String, Vec<u8>)>, Fault> {
         let Some(field) = field else { return Ok(None) };
         let name = field.text()?;
@@ -342,7 +348,7 @@ impl Reader<'_> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let similar = ignoring_case(folder, relative);
         if let Some(similar) = &similar {
-            self.note(format!("{place}: taken from {}, whose name has different capitals", similar.display()));
+            self.note(format!("{place}: read from {}, whose name differs in upper and lower case", similar.display()));
         }
         let path = similar.unwrap_or_else(|| folder.join(relative));
         let bytes =
@@ -351,7 +357,7 @@ impl Reader<'_> {
     }
 }
 
-/// Returns the file that a path in a folder refers to if case is ignored; `None` if the path exists as written, or if no file or several files match.
+/// Returns the file that matches a path in a folder if case is ignored; `None` if the path exists as written, or if no file or several files match.
 fn ignoring_case(folder: &Path, relative: &Path) -> Option<PathBuf> {
     if folder.join(relative).exists() {
         return None;
@@ -367,7 +373,7 @@ fn ignoring_case(folder: &Path, relative: &Path) -> Option<PathBuf> {
     })
 }
 
-/// The name of a window, if it has one.
+/// Returns the name of a window, if it has one.
 fn window_name<'a>(window: &Field<'a>) -> Result<Option<&'a str>, Fault> {
     Ok(window.get("name")?.map(|name| name.text()).transpose()?.filter(|name| !name.is_empty()))
 }
@@ -398,7 +404,7 @@ fn check_stereo(stereo: &Field) -> Result<(), Fault> {
     }
     let shown = mode.escape_debug();
     Err(if STEREO.contains(&&*mode) {
-        let problem = format!("`{shown}`: a window that shows two pictures, one for each eye");
+        let problem = format!("`{shown}`: the window shows two pictures, one for each eye");
         let reason = "a projector has one picture: give each eye a window with stereo `none`, whose viewports have eye `left` or `right`";
         Fault::new(&stereo.place, problem, reason)
     } else {

@@ -1,4 +1,5 @@
-//! The keys of SGCT's configurations, from its JSON schema. Unknown keys cause a note: a misspelled key would drop a mask or a mesh.
+//! The keys of SGCT's configurations, from its JSON schema. Unknown keys cause a note: because of a misspelled key, a mask or a mesh would be
+//! ignored.
 
 use serde_json::Value;
 
@@ -10,7 +11,8 @@ use super::{
 /// Maximum number of notes on unknown keys.
 const MOST_NOTES: usize = 20;
 
-/// An object, by the key that holds it, and its keys. `projection` is followed by the type of the projection, in small letters.
+/// The name of an object and its keys. The name is the key that holds the object; after `projection` it has the type of the projection, in lower
+/// case.
 const KEYS: [(&str, &[&str]); 24] = [
     (
         "",
@@ -150,7 +152,7 @@ fn collect(object: &Field, held_by: &str, notes: &mut Vec<String>) {
             ANGLES.iter().find(|names| context == "orientation" && names.contains(&name.as_str()))
         {
             if *now != name {
-                notes.push(format!("{place}: taken for {now}, as in SGCT's configurations in XML"));
+                notes.push(format!("{place}: read as {now}, as in SGCT's configurations in XML"));
             }
         } else if context == "windows" && name == "mpcdi" {
             notes.push(format!("{place}: the set is not read; import it by itself"));
@@ -160,7 +162,7 @@ fn collect(object: &Field, held_by: &str, notes: &mut Vec<String>) {
     }
 }
 
-/// The type of a projection in small letters, without `projection` at its end.
+/// Returns the type of a projection in lower case, without `projection` at its end.
 pub(super) fn projection_type(projection: &Field) -> Result<String, Fault> {
     let name = projection.needed("type")?.text()?.to_ascii_lowercase();
     Ok(name.strip_suffix("projection").unwrap_or(&name).to_owned())

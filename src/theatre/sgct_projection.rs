@@ -24,17 +24,17 @@ pub(super) struct Drawn {
     pub content: Content,
     /// Whether it is a fisheye.
     pub round: bool,
-    /// Whether the values of the mesh are positions in the picture, also in a PFM.
+    /// Whether the values of the mesh are positions in the picture, even if the mesh is a PFM.
     pub texture_mapped: bool,
     /// Whether its directions depend on the position of the eye.
     pub has_eye: bool,
 }
 
-/// Field of view above which a fisheye needs more samples, rad: 300 degrees.
+/// Field of view above which a fisheye needs more samples: 300 degrees, rad.
 const WIDE_RAD: f64 = 300.0 * std::f64::consts::PI / 180.0;
 
 impl Drawn {
-    /// Whether it is a fisheye that reaches near the antipode of its centre.
+    /// Whether it is a fisheye that extends almost to the antipode of its centre.
     pub fn is_wide(&self) -> bool {
         matches!(self.content, Content::Fisheye { half_fov_rad, .. } if 2.0 * half_fov_rad > WIDE_RAD)
     }
@@ -55,10 +55,10 @@ impl Reader<'_> {
             |content: Content| Drawn { content, round: false, texture_mapped: name == "texturemapped", has_eye: true };
         match name.as_str() {
             "planar" | "texturemapped" => Ok(drawn(planar(field, eye)?)),
-            // From old versions of SGCT: a planar projection whose picture is also sent to other programs.
+            // This type is from old versions of SGCT. It is a planar projection whose picture is also sent to other programs.
             "spoutflat" => {
                 self.note(format!(
-                    "{}: read as its planarprojection; the picture for other programs (Spout) is left out",
+                    "{}: read as the planarprojection in it; the picture for other programs (Spout) is left out",
                     field.place
                 ));
                 Ok(drawn(planar(&field.needed("planarprojection")?, eye)?))
@@ -73,7 +73,7 @@ impl Reader<'_> {
             "fisheye" => self.sgct_fisheye(field, area, is_bourke),
             "sphericalmirror" => Err(Fault::refused(
                 format!("{}: a spherical mirror", field.place),
-                "its meshes refer to four pictures whose directions the file does not contain; export one mesh of a fisheye (Paul Bourke's .data)",
+                "its meshes refer to four pictures, and the file does not contain the directions of these pictures; export a single mesh of a fisheye (Paul Bourke's .data)",
             )),
             "cubemap" | "equirectangular" => Err(Fault::refused(
                 format!("{}: the projection `{name}`", field.place),
@@ -95,8 +95,8 @@ impl Reader<'_> {
         }
     }
 
-    /// A fisheye: the picture is a square of which `crop` cuts off the edges; the rest fills the viewport, as large as
-    /// its aspect ratio allows.
+    /// Reads a fisheye. The picture is a square whose edges are cut off by `crop`. The rest is shown in the viewport as
+    /// large as the aspect ratio allows.
     fn sgct_fisheye(&mut self, field: &Field, area: &Area, is_bourke: bool) -> Result<Drawn, Fault> {
         let fov_deg = field.optional_number("fov")?.unwrap_or(180.0);
         let tilt_deg = field.optional_number("tilt")?.unwrap_or(0.0);
@@ -112,7 +112,8 @@ impl Reader<'_> {
                 let [left, right, bottom, top] = parts;
                 if parts.iter().any(|part| !(0.0..1.0).contains(part)) || left + right >= 1.0 || bottom + top >= 1.0 {
                     let problem = format!("left {left}, right {right}, bottom {bottom}, top {top}");
-                    let allowed = "must be shares of the square from 0 to below 1, opposite ones below 1 together";
+                    let allowed =
+                        "must be fractions of the square, at least 0; the sums of opposite ones must be below 1";
                     return Err(Fault::new(&crop.place, problem, allowed));
                 }
                 parts
@@ -124,11 +125,15 @@ impl Reader<'_> {
             // The eye must stay within the sphere of radius 1 on which the picture lies.
             if offset_of.length() >= 1.0 {
                 let problem = format!("{} has the length {}", shown(offset_of.to_array()), rounded(offset_of.length()));
-                return Err(Fault::new(&offset.place, problem, "must be shorter than 1, the radius of the dome"));
+                return Err(Fault::new(
+                    &offset.place,
+                    problem,
+                    "must be shorter than 1, which is the radius of the dome",
+                ));
             }
             Ok(offset_of)
         })?;
-        // Half the size of the cropped square in the viewport. A mesh by Paul Bourke has coordinates in a square picture.
+        // Half the size of the cropped square, relative to the viewport. A mesh by Paul Bourke has coordinates in a square picture.
         let (wide, high) = (1.0 - left - right, 1.0 - bottom - top);
         let aspect = if is_bourke { 1.0 } else { area.aspect } * high / wide;
         let edge = if keep { [(1.0 / aspect).min(1.0), aspect.min(1.0)] } else { [1.0; 2] };
@@ -140,11 +145,11 @@ impl Reader<'_> {
                 "fisheye: its square is cut by {left} on the left, {right} on the right, {bottom} at the bottom and {top} at the top"
             ));
         }
-        // SGCT counts the second number downwards in the picture.
+        // In SGCT, the second number is positive downwards in the picture.
         let eye = DVec3::new(offset.x, -offset.y, offset.z);
         if offset != DVec3::ZERO {
             self.note(format!(
-                "fisheye: seen from {} in radii of the dome (right, up and towards the centre of the picture)",
+                "fisheye: the eye is at {}, in radii of the dome (right, up and towards the centre of the picture)",
                 shown(eye.to_array())
             ));
         }
@@ -156,7 +161,7 @@ impl Reader<'_> {
     }
 }
 
-/// Reads two opposite edges of a field of view, rad: each has its own key, or both are half of the whole angle.
+/// Reads two opposite edges of a field of view, rad. Either each edge has its own key, or each is half of the whole angle.
 fn edges(fov: &Field, [first, second]: [&str; 2], whole: &str) -> Result<[f64; 2], Fault> {
     let angle = fov.optional_number(whole)?;
     let edge = |key: &str| match (fov.optional_number(key)?, angle) {
@@ -171,17 +176,17 @@ fn edges(fov: &Field, [first, second]: [&str; 2], whole: &str) -> Result<[f64; 2
     if let Some(angle) = angle
         && (edges[0] + edges[1] - angle).abs() > 1e-6
     {
-        let problem = format!("{first} {} and {second} {} next to {whole} {angle}", edges[0], edges[1]);
+        let problem = format!("{first} {} and {second} {} in addition to {whole} {angle}", edges[0], edges[1]);
         return Err(Fault::new(
             &fov.place,
             problem,
-            format!("must have {first} and {second}, or {whole}: they differ"),
+            format!("must have either {first} and {second}, or {whole}, because they differ"),
         ));
     }
     Ok(edges.map(f64::to_radians))
 }
 
-/// Distance of a planar projection's plane from the room's origin, m.
+/// Returns the distance of a planar projection's plane from the room's origin, m.
 fn plane_distance(field: &Field, fov: &Field) -> Result<f64, Fault> {
     let distance = match (field.optional_number("distance")?, fov.optional_number("distance")?) {
         (Some(own), Some(other)) if own != other => {
@@ -198,7 +203,7 @@ fn plane_distance(field: &Field, fov: &Field) -> Result<f64, Fault> {
     }
 }
 
-/// The picture of a planar projection. Its plane is at a distance from the room's origin, not from the eye.
+/// Reads the picture of a planar projection. The distance of its plane is measured from the room's origin, not from the eye.
 fn planar(field: &Field, eye: DVec3) -> Result<Content, Fault> {
     let fov = field.needed("fov")?;
     let [left, right] = edges(&fov, ["left", "right"], "hfov")?;

@@ -12,7 +12,7 @@ use super::{
 const EYE_SEPARATION_M: f64 = 0.06;
 
 impl Reader<'_> {
-    /// Position of the eye for which a viewport is drawn: that of its user, or half the separation of the eyes to the side.
+    /// Returns the position of the eye for which a viewport is drawn. It is the position of the user, or half the eye separation to the side of it.
     pub(super) fn eye(&mut self, viewport: &Field, users: &[Field]) -> Result<DVec3, Fault> {
         let side = match viewport.get("eye")? {
             None => 0.0,
@@ -31,28 +31,28 @@ impl Reader<'_> {
         if side == 0.0 {
             return Ok(middle);
         }
-        // SGCT places the eyes along x of the room, even if the user is turned.
+        // SGCT separates the eyes along the x axis of the room, even if the user is turned.
         let separation = user.map(|user| user.optional_number("eyeseparation")).transpose()?.flatten();
         let separation_m = separation.unwrap_or(EYE_SEPARATION_M);
         let eye = middle + DVec3::X * (side * separation_m);
         self.note(format!(
-            "{}: for one eye, at {} m; the scene is drawn from the middle of both, which matters for objects within some metres",
+            "{}: for one eye, at {} m; the scene is drawn from the midpoint between the eyes, which matters only for objects within some metres",
             viewport.place,
             shown(eye.to_array())
         ));
         Ok(eye)
     }
 
-    /// Position of the middle between the eyes: from the viewport's user, or from the options.
+    /// Returns the midpoint between the eyes: the position of the viewport's user, or the position in the options.
     fn middle_of_eyes(&mut self, user: Option<&Field>) -> Result<DVec3, Fault> {
         if let Some(tracking) = user.map(|user| user.get("tracking")).transpose()?.flatten() {
-            self.note(format!("{}: it has no effect; the eye stays at its place in the file", tracking.place));
+            self.note(format!("{}: it has no effect; the eye has the position that the file gives", tracking.place));
         }
         let requested = self.options.eye_m;
         match user.map(|user| self.own_place(user)).transpose()?.flatten() {
             Some((position, place)) if requested != DVec3::ZERO && !requested.abs_diff_eq(position, 1e-9) => {
                 let [own, asked] = [position, requested].map(|at| shown(at.to_array()));
-                let problem = format!("the eye is at {own} in the file and at {asked} in the options");
+                let problem = format!("the eye is at {own} in the file, but at {asked} in the options");
                 Err(Fault::new(place, problem, "omit one, or make them equal"))
             }
             Some((position, place)) => {
@@ -60,13 +60,13 @@ impl Reader<'_> {
                 Ok(position)
             }
             None => {
-                self.note(format!("eye: at {} m, the file does not specify it", shown(requested.to_array())));
+                self.note(format!("eye: at {} m; the file does not specify its position", shown(requested.to_array())));
                 Ok(requested)
             }
         }
     }
 
-    /// Position of a user, and the key that gives it. SGCT multiplies `pos` by `matrix`, or by `orientation` if there is one.
+    /// Returns the position of a user, and the key that gives it. SGCT multiplies `pos` by `matrix`, or by `orientation` if there is one.
     fn own_place(&mut self, user: &Field) -> Result<Option<(DVec3, String)>, Fault> {
         let [pos, matrix, orientation] = [user.get("pos")?, user.get("matrix")?, user.get("orientation")?];
         let position = pos.as_ref().map_or(Ok(DVec3::ZERO), Field::vector)?;
@@ -79,7 +79,7 @@ impl Reader<'_> {
             }
             (_, matrix, Some(orientation)) => {
                 if let Some(matrix) = matrix {
-                    self.note(format!("{}: it has no effect; the orientation replaces it, as in SGCT", matrix.place));
+                    self.note(format!("{}: it has no effect: as in SGCT, the orientation replaces it", matrix.place));
                 }
                 Some((orientation.rotation()? * position, orientation.place))
             }
@@ -87,7 +87,7 @@ impl Reader<'_> {
     }
 }
 
-/// The user of a viewport: the one that it names, or the first.
+/// Returns the user of a viewport: the user that it names, or the first one.
 fn user_of<'a>(viewport: &Field, users: &[Field<'a>]) -> Result<Option<Field<'a>>, Fault> {
     let Some(wanted) = viewport.get("user")? else { return Ok(users.first().cloned()) };
     let name = wanted.text()?;

@@ -1,8 +1,9 @@
 //! Nodes of intensity 0 in Paul Bourke's meshes.
 //!
 //! Programs that write such meshes often leave placeholders in the coordinates of nodes that get no light. The light fades between a lit node and an
-//! unlit one, so an unlit node next to lit ones needs coordinates. Its own are used if they continue those of its neighbours; otherwise they are
-//! extrapolated from the neighbours. Other unlit nodes are treated as unknown if their coordinates do not continue those of their neighbours.
+//! unlit one, so an unlit node next to lit ones needs coordinates. The coordinates in the file are used if they continue those of its neighbours;
+//! otherwise they are extrapolated from the neighbours. Other unlit nodes are treated as unknown if their coordinates do not continue those of their
+//! neighbours.
 
 use std::collections::VecDeque;
 
@@ -12,7 +13,8 @@ use super::mesh::Mesh;
 
 /// Steps to the eight neighbours of a node, in columns and rows.
 const STEPS: [[isize; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
-/// Largest deviation of coordinates that count as continuing those of their neighbours, relative to the distance of the neighbours.
+/// Coordinates continue those of neighbours if they deviate by at most this from the extrapolated coordinates. The deviation is relative to the
+/// distance of the neighbours.
 const CONTINUES_WITHIN: f64 = 0.5;
 
 /// The places of a lattice's nodes, row by row.
@@ -29,7 +31,8 @@ impl Lattice {
         Some(row * self.columns + column)
     }
 
-    /// Extrapolates two or three neighbours in a direction; returns the order, the position in the content and its tolerance.
+    /// Extrapolates from two or three neighbours in a direction. Returns the order of the extrapolation, the position in the content and its
+    /// tolerance.
     fn continued(&self, node: usize, step: [isize; 2], trusted: &[bool]) -> Option<(usize, DVec2, f64)> {
         let content = |times: isize| {
             let at = self.stepped(node, step, times).filter(|at| trusted[*at])?;
@@ -43,7 +46,7 @@ impl Lattice {
         })
     }
 
-    /// Returns the mean of those extrapolations to a node that have the highest order.
+    /// Returns the mean of the extrapolations to a node that have the highest order.
     fn extrapolated(&self, node: usize, trusted: &[bool]) -> Option<DVec2> {
         let found: Vec<_> = STEPS.iter().filter_map(|step| self.continued(node, *step, trusted)).collect();
         let most = found.iter().map(|(order, ..)| *order).max()?;
@@ -51,7 +54,7 @@ impl Lattice {
         Some(best.iter().sum::<DVec2>() / best.len() as f64)
     }
 
-    /// Returns the nodes whose coordinates are trusted: lit nodes, and others whose coordinates continue theirs.
+    /// Returns the nodes whose coordinates are trusted: lit nodes, and nodes whose coordinates continue those of trusted nodes.
     fn trusted(&self, lit: &[bool], has_own: impl Fn(usize) -> bool) -> Vec<bool> {
         let mut trusted = lit.to_vec();
         let mut waiting: VecDeque<usize> = (0..lit.len()).filter(|node| !lit[*node] && has_own(*node)).collect();
@@ -73,7 +76,7 @@ impl Lattice {
     }
 }
 
-/// Gives unlit nodes their coordinates, or marks them as not drawn; returns how many lacked coordinates.
+/// Replaces the coordinates of unlit nodes where they are unknown, or marks such nodes as not drawn. Returns the number of these nodes.
 pub(super) fn settle(mesh: &mut Mesh, columns: usize, rows: usize) -> usize {
     let lit: Vec<bool> = mesh.nodes.iter().map(|node| node.intensity > 0.0).collect();
     if !lit.contains(&true) || mesh.nodes.iter().all(|node| node.intensity != 0.0) {
@@ -99,14 +102,15 @@ pub(super) fn settle(mesh: &mut Mesh, columns: usize, rows: usize) -> usize {
     unknown.len()
 }
 
-/// Returns which places outside of a picture are strays: placeholders of nodes without a place, which do not continue the places of their neighbours.
-/// `places` has the places of the lattice's nodes, row by row, `None` for nodes without one; `inside` marks those in the picture.
+/// Returns which places outside of a picture are strays. A stray is a placeholder for a missing place, which does not continue the places of its
+/// neighbours. `places` has the places of the lattice's nodes, row by row, with `None` for nodes without a place; `inside` marks those in the
+/// picture.
 pub(super) fn strays(places: &[Option<DVec2>], columns: usize, inside: &[bool]) -> Vec<bool> {
     let contents = places.iter().map(|place| place.unwrap_or_default()).collect();
     let lattice = Lattice { contents, columns, rows: places.len() / columns };
     let trusted = lattice.trusted(inside, |node| places[node].is_some());
     let is_open = |node: &usize| places[*node].is_some() && !trusted[*node];
-    // A place is a stray if it contradicts its neighbours. Next to strays, places that no neighbour tests are strays too.
+    // A place is a stray if it contradicts its neighbours. Next to strays, places that cannot be compared with neighbours are also strays.
     let contradicts = |node: &usize| STEPS.iter().any(|step| lattice.continued(*node, *step, &trusted).is_some());
     let mut waiting: Vec<usize> = (0..places.len()).filter(is_open).filter(contradicts).collect();
     let mut strays = vec![false; places.len()];
@@ -159,7 +163,7 @@ mod tests {
         }
     }
 
-    /// Strays among places outside of the unit square, in a lattice of 8 x 6.
+    /// Returns the strays among places outside of the unit square, in a lattice of 8 x 6.
     fn strays_of(place: impl Fn(usize, usize) -> Option<DVec2>) -> Vec<bool> {
         let places: Vec<Option<DVec2>> = (0..48).map(|i| place(i % 8, i / 8)).collect();
         let holds = |at: &DVec2| at.min_element() >= 0.0 && at.max_element() <= 1.0;

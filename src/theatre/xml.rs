@@ -24,7 +24,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Document<'_>, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| bad("not UTF-8".to_owned()))?;
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| bad(error.to_string()))?;
-    // Visits the nodes in document order and tracks the nesting depth.
+    // Visits the nodes in document order, and tracks the nesting depth.
     let mut levels = vec![];
     for node in document.descendants() {
         while levels.last().is_some_and(|last| Some(*last) != node.parent().map(|parent| parent.id())) {
@@ -55,7 +55,7 @@ impl<'a, 'input> Element<'a, 'input> {
         node.is_element() && node.tag_name().name().eq_ignore_ascii_case(name)
     }
 
-    /// Direct child elements with a name.
+    /// Returns the direct child elements with a name.
     pub fn children<'n>(&self, name: &'n str) -> impl Iterator<Item = Self> + use<'a, 'input, 'n> {
         let place = self.place.clone();
         self.node
@@ -64,7 +64,7 @@ impl<'a, 'input> Element<'a, 'input> {
             .map(move |node| Self { node, place: format!("{place} <{name}>") })
     }
 
-    /// The child element with a name, which must occur at most once.
+    /// Returns the child element with a name, which must occur at most once.
     pub fn child(&self, name: &str) -> Result<Option<Self>, Fault> {
         let mut found = self.children(name);
         match (found.next(), found.next()) {
@@ -73,7 +73,7 @@ impl<'a, 'input> Element<'a, 'input> {
         }
     }
 
-    /// The child element with a name, which must exist.
+    /// Returns the child element with a name, which must exist.
     pub fn needed(&self, name: &str) -> Result<Self, Fault> {
         self.child(name)?.ok_or_else(|| Fault::new(&self.place, format!("<{name}> is missing"), "it is required"))
     }
@@ -89,7 +89,7 @@ impl<'a, 'input> Element<'a, 'input> {
             .ok_or_else(|| Fault::new(&self.place, format!("the attribute {name} is missing"), "it is required"))
     }
 
-    /// The text content; comments within it do not separate words.
+    /// Returns the text content; comments within it do not separate words.
     pub fn text(&self) -> Cow<'a, str> {
         let mut texts = self.node.children().filter(Node::is_text).filter_map(|node| node.text());
         match (texts.next(), texts.next()) {
@@ -101,24 +101,24 @@ impl<'a, 'input> Element<'a, 'input> {
         }
     }
 
-    /// The text of the child element with a name.
+    /// Returns the text of the child element with a name.
     pub fn child_text(&self, name: &str) -> Result<Option<Cow<'a, str>>, Fault> {
         Ok(self.child(name)?.map(|child| child.text()))
     }
 
-    /// The same in lower case, for keywords.
+    /// Returns the same text in lower case, for keywords.
     pub fn child_word(&self, name: &str) -> Result<Option<String>, Fault> {
         Ok(self.child_text(name)?.map(|text| text.to_ascii_lowercase()))
     }
 
-    /// A finite number in the child element with a name, which must exist.
+    /// Returns the finite number in the child element with a name, which must exist.
     pub fn number(&self, name: &str) -> Result<f64, Fault> {
         let child = self.needed(name)?;
         let text = child.text();
         finite(&text).ok_or_else(|| not_a_number(&child.place, &text))
     }
 
-    /// A finite number in an optional attribute.
+    /// Returns the finite number in an optional attribute.
     pub fn attribute_number(&self, name: &str) -> Result<Option<f64>, Fault> {
         let Some(text) = self.attribute(name) else { return Ok(None) };
         finite(text).map(Some).ok_or_else(|| not_a_number(&format!("{} {name}", self.place), text))

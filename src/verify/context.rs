@@ -54,14 +54,14 @@ pub enum CheckError {
 pub struct Context<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
-    /// Settings of frames. Glare takes light from stars, so it is off until a glare check sets it. Stars of every magnitude are drawn until a check
-    /// limits them.
+    /// Settings of frames. Glare takes light from stars, so it is off unless a glare check turns it on. Stars of every magnitude are drawn unless a
+    /// check sets a limit.
     pub settings: RenderSettings,
     /// The glare under test.
     pub glare: GlareSettings,
     /// Glare that defines the expected falloff: equal to `glare`, unless a test changes it to make a check fail.
     pub expected_glare: GlareSettings,
-    /// Difference between the truth of bodies and asteroids and the drawn ones: none, unless a test sets it to make a
+    /// Difference between the true and the drawn bodies and asteroids. There is none unless a test sets one to make a
     /// check fail.
     pub object_fault: Fault,
 }
@@ -71,7 +71,7 @@ impl<'a> Context<'a> {
     pub fn new(renderer: &'a mut Renderer, settings: &RenderSettings) -> Self {
         let glare = settings.glare.clone();
         let mut settings = RenderSettings { glare: GlareSettings::none(), ..settings.clone() };
-        // A magnitude limit belongs to the scene, and checks use their own stars.
+        // A magnitude limit is meant for the scene of the configuration, but checks use their own stars.
         settings.stars.magnitude_limit = StarSettings::default().magnitude_limit;
         Self { renderer, settings, expected_glare: glare.clone(), glare, object_fault: Fault::NONE }
     }
@@ -82,7 +82,7 @@ impl<'a> Context<'a> {
     }
 
     /// Share of a star's light that falls inside of a picture. It is 1 for a star whose kernel does not reach the border. The exception is the method
-    /// whose kernel is round in the sky: in wide flat views its kernel extends outwards over hundreds of pixels.
+    /// whose kernel is round in the sky: in wide flat views, this kernel extends outwards over hundreds of pixels.
     pub fn share_inside(&self, mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
         if self.method() != StarMethod::PixelGaussian {
             return 1.0;
@@ -108,18 +108,19 @@ impl<'a> Context<'a> {
         light_of_views_lx(&frame, rig)
     }
 
-    /// Factor on measured light before it is compared: 1, or for methods of relative brightness the best fit to pairs of measured and expected light.
+    /// Factor on measured light before it is compared. It is 1 or, for methods of relative brightness, the best fit to pairs of measured and expected
+    /// light.
     pub fn scale(&self, pairs: &[(f64, f64)]) -> Result<f64, CheckError> {
         if self.method().is_relative() { Ok(metrics::fitted_scale(pairs)?) } else { Ok(1.0) }
     }
 
-    /// Largest relative error over pairs of measured and expected light after applying the scale.
+    /// Largest relative error of pairs of measured and expected light, after the measured light is scaled by [`Self::scale`].
     pub fn worst_flux_error(&self, pairs: &[(f64, f64)]) -> Result<f64, CheckError> {
         Ok(worst_error(self.scale(pairs)?, pairs))
     }
 }
 
-/// Largest relative error over pairs of measured and expected light, with a scale for the measured light.
+/// Largest relative error of pairs of measured and expected light, after the measured light is multiplied by `scale`.
 pub fn worst_error(scale: f64, pairs: &[(f64, f64)]) -> f64 {
     worst(pairs.iter().map(|(measured, expected)| (scale * measured / expected - 1.0).abs()))
 }
@@ -129,7 +130,7 @@ pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().reduce(|a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }).unwrap_or(f64::NAN)
 }
 
-/// Pairs the images of a frame with those of the rig.
+/// Returns pairs of an image of a frame and the corresponding image of the rig.
 pub fn images<'a>(frame: &'a Frame, rig: &'a Rig) -> impl Iterator<Item = (&'a FrameImage, &'a ViewImage)> {
     frame.images.iter().zip(rig.views().iter().flat_map(|view| &view.images))
 }
@@ -139,7 +140,7 @@ pub fn hdr_pixels(image: &FrameImage) -> Result<&[[f32; 4]], CheckError> {
     image.hdr.as_deref().ok_or(CheckError::Missing("an HDR image"))
 }
 
-/// Returns an image in the form of the metrics: solid angles come from f64, not from the shader.
+/// Returns an image as the metrics need it. Solid angles are computed in f64, not by the shader.
 pub fn hdr_view<'a>(image: &'a FrameImage, mapping: &'a dyn PlaneMapping) -> Result<HdrView<'a>, CheckError> {
     Ok(HdrView::new(mapping, hdr_pixels(image)?)?)
 }

@@ -1,4 +1,4 @@
-//! Robustness of exposure: compares the same picture cut into faces and windows, and seen by a rolled head.
+//! Robustness of exposure: compares exposures if the same picture is cut into faces and windows, or seen with a rolled head.
 
 use glam::{DQuat, DVec3};
 
@@ -16,8 +16,8 @@ use crate::{
 /// 23: compares the same sky as a map and as cube faces, a window with its halves, a rolling head, and a view drawn
 /// twice in a frame.
 pub(super) fn picture_cut(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
-    // `auto` chooses kernels by the displayed exposure of a frame. It is fixed for all frames, as in a stream, and the
-    // metered exposures are compared.
+    // `auto` chooses kernels by the displayed exposure of a frame. As in a stream, that exposure is the same for all
+    // frames; the metered exposures are compared.
     context.settings.exposure = ExposureSettings::manual(-10.0);
     // The stars are concentrated on one side, so that a wrong weight is visible.
     let records = spiral(3000).enumerate().map(|(i, d)| star(d + 0.8 * DVec3::X, (i % 9) as f32)).collect();
@@ -68,6 +68,6 @@ pub(super) fn picture_cut(context: &mut Context<'_>) -> Result<Vec<Figure>, Chec
         Figure::at_most("of a rolled head", rolled, 1e-3, "EV"),
         Figure::at_most("against f64", difference(faces.metered_ev100, in_f64), 0.01, "EV"),
         Figure::at_most("light of halves", (light_of_halves / light_of_whole - 1.0).abs(), 1e-4, "relative"),
-        Figure::at_most("values that differ in the same view twice", differing as f64, 0.0, ""),
+        Figure::at_most("values that differ between two equal views", differing as f64, 0.0, ""),
     ])
 }

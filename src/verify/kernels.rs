@@ -1,7 +1,7 @@
 //! Rendered kernels: position, width, flicker and roundness of a star over its sub-pixel positions.
 //!
-//! Every position has a small view, turned so that the star falls on it; sixty views make a frame. Each star is thus at
-//! the centre of a picture, regardless of its size, and thousands of positions take seconds.
+//! Each position has a small view, which is turned so that the star is at this position. A frame has sixty views. Thus
+//! each star is at the centre of a picture, however large the picture is, and thousands of positions take seconds.
 
 use std::f64::consts::PI;
 
@@ -89,7 +89,7 @@ fn light_lx() -> f64 {
     illuminance_lx_from_magnitude(f64::from(MAGNITUDE))
 }
 
-/// Luminance to display as white for a star whose peak in one pixel is `k` times as bright as white.
+/// Returns the luminance that must be displayed as white so that the peak of a star, in one pixel, is `k` times as bright as white.
 fn white_for(k: f64, kind: &ViewKind) -> Result<f64, CheckError> {
     let omega = mapping_of(kind)?.solid_angle_sr(SIDE / 2, SIDE / 2);
     Ok(light_lx() / omega / k)
@@ -101,7 +101,7 @@ pub(super) fn sub_pixel_sweep(context: &mut Context<'_>) -> Result<Vec<Figure>, 
     context.expose_for(white_for(10.0, &kind)?);
     let (mut centroid, mut widths) = (Vec::new(), Vec::new());
     pan(context, &kind, MAGNITUDE, 600, |image, place, _| {
-        // The window covers the whole picture, so that stray light counts.
+        // The measuring window covers the whole picture, so that stray light counts.
         centroid.push(centroid_error_px(image, place, 100.0)?);
         widths.push(shape_px(image, place, 100.0)?.rms_radius());
         Ok(())
@@ -115,12 +115,12 @@ pub(super) fn sub_pixel_sweep(context: &mut Context<'_>) -> Result<Vec<Figure>, 
     ])
 }
 
-/// Measures flicker after tone mapping of a star whose peak is `k` times white, over `positions` positions.
+/// Measures the flicker, after tone mapping, of a star whose peak is `k` times white. Uses `positions` positions.
 fn flicker(context: &mut Context<'_>, k: f64, positions: usize) -> Result<f64, CheckError> {
     let kind = window(0.0);
     let white = white_for(k, &kind)?;
     context.expose_for(white);
-    // A relative method is scaled to the same k by its mean light.
+    // The exposure for a relative method is scaled by its mean light, so that k is the same.
     let mut scale = 1.0;
     if context.method().is_relative() {
         let mut sum = 0.0;
@@ -135,7 +135,7 @@ fn flicker(context: &mut Context<'_>, k: f64, positions: usize) -> Result<f64, C
     Ok(meter.flicker()?.after)
 }
 
-/// 10: measures flicker at 1, 10 and 100 times white. The B-spline guarantees less: 0.04 up to 10 times.
+/// 10: measures flicker at 1, 10 and 100 times white. The limit for the B-spline is larger: 0.04, up to 10 times white.
 pub(super) fn slow_pan(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
     for k in [1.0, 10.0, 100.0] {
@@ -151,8 +151,8 @@ pub(super) fn slow_pan(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
     Ok(figures)
 }
 
-/// A star brightens slowly from 1/20 of white to 20 times white: returns the largest change of its displayed growth
-/// from step to step. The star must not jump if a method changes its kernel with brightness.
+/// A star brightens slowly from 1/20 of white to 20 times white. Returns the largest change, from one step to the next,
+/// in the growth of its displayed light. Even if a method changes its kernel with brightness, the star must not jump.
 fn brightening(context: &mut Context<'_>) -> Result<f64, CheckError> {
     let kind = window(0.0);
     let mapping = mapping_of(&kind)?;
@@ -186,8 +186,8 @@ fn brightening(context: &mut Context<'_>) -> Result<f64, CheckError> {
     Ok(worst(growth.windows(2).map(|pair| (pair[1] - pair[0]).abs())))
 }
 
-/// Measures the shape of a star in the sky, on the axis of a flat picture and 45 degrees off. A star narrower than a
-/// pixel takes its shape from the pixels; a resolved one must be round.
+/// Measures the shape of a star in the sky, on the axis of a flat picture and 45 degrees off it. A star narrower than a
+/// pixel has the shape of the pixels. A resolved star must be round.
 pub(super) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
     for (degrees, tangent) in [(0, 0.0), (45, 1.0)] {

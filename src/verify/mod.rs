@@ -1,8 +1,8 @@
 //! The failure tests: known weaknesses of drawing methods, each a check with a number and a limit.
 //!
-//! A check renders with the given [`Renderer`] and settings, so that `stars.method` selects the method under test. Images are measured by
-//! [`crate::metrics`]; solid angles come from f64. Methods of relative brightness are compared after fitting one scale; a check of catalogue stars
-//! does not apply to a method that draws its own stars. A check that cannot run counts as failed, and the others continue.
+//! A check renders with the given [`Renderer`] and settings, so that `stars.method` selects the method under test. [`crate::metrics`] measures the
+//! images; solid angles are computed in f64. Methods of relative brightness are compared after fitting one scale; a check of catalogue stars does not
+//! apply to a method that draws its own stars. A check that cannot run counts as failed, and the others continue.
 //!
 //! There is one file per group of checks; [`checks`] lists all of them. `scenes` contains the artificial skies and
 //! views, which tests also use.
@@ -38,7 +38,7 @@ pub struct Figure {
     pub what: String,
     /// Measured value.
     pub measured: f64,
-    /// Largest allowed value; a figure without a limit is informative.
+    /// Largest allowed value. A figure without a limit is for information only.
     pub limit: Option<f64>,
     /// Unit of the value and the limit.
     pub unit: &'static str,
@@ -71,7 +71,7 @@ impl fmt::Display for Figure {
     }
 }
 
-/// Formats a number briefly, also very small ones.
+/// Formats a number briefly, even if it is very small.
 fn number(value: f64) -> String {
     let exponential = value != 0.0 && !(1e-3..1e5).contains(&value.abs());
     if exponential { format!("{value:.1e}") } else { format!("{}", (value * 1e4).round() / 1e4) }
@@ -83,13 +83,13 @@ pub type Run = fn(&mut Context<'_>) -> Result<Vec<Figure>, CheckError>;
 /// A failure test.
 #[derive(Clone, Copy, Debug)]
 pub struct Check {
-    /// Number in the design's list of failure cases; `None` for additional published weaknesses.
+    /// Number in the list of failure cases in the design; `None` for published weaknesses that are not in the list.
     pub number: Option<u8>,
     /// Name.
     pub name: &'static str,
     /// Group of checks.
     pub group: &'static str,
-    /// Property that it proves, in one sentence.
+    /// Property that the check proves, in one sentence.
     pub proves: &'static str,
     /// Whether it needs stars of the catalogue.
     pub needs_catalogue: bool,
@@ -124,7 +124,7 @@ pub struct CheckResult {
     pub outcome: Outcome,
     /// Measured figures.
     pub figures: Vec<Figure>,
-    /// Reason for missing figures.
+    /// The reason why there are no figures.
     pub message: Option<String>,
     /// Duration, s.
     pub seconds: f64,
@@ -167,7 +167,7 @@ impl fmt::Display for CheckResult {
     }
 }
 
-/// Returns every check in the order of the list; checks without a number follow the one that they are most similar to.
+/// Returns all checks in the order of the list. A check without a number follows the check to which it is most similar.
 pub fn checks() -> &'static [Check] {
     &ALL
 }
@@ -191,7 +191,7 @@ const fn of_glare(number: Option<u8>, name: &'static str, proves: &'static str, 
     Check { number, name, group: "glare", proves, needs_catalogue: true, needs_glare: true, run }
 }
 
-/// Group of bodies and asteroids, which are drawn by methods with fixed-point sums.
+/// The group of checks of bodies and asteroids. They are drawn with methods that use fixed-point sums.
 const OBJECTS: &str = "objects";
 
 const fn of_objects(number: Option<u8>, name: &'static str, proves: &'static str, run: Run) -> Check {
@@ -212,7 +212,7 @@ static ALL: [Check; 42] = [
         number: None,
         name: "triangle-solid-angle",
         group: "solid-angle",
-        proves: "solid angles do not lose precision as two spherical triangles in f32 do",
+        proves: "solid angles do not lose precision, unlike two spherical triangles in f32",
         needs_catalogue: false,
         needs_glare: false,
         run: solid_angle::triangles,
@@ -306,7 +306,7 @@ static ALL: [Check; 42] = [
         12,
         "sirius-beside-21",
         "sums",
-        "a star of magnitude 21 beside Sirius keeps its light",
+        "a star of magnitude 21 next to Sirius keeps its light",
         true,
         sums::sirius,
     ),
@@ -352,7 +352,7 @@ static ALL: [Check; 42] = [
         "a picture cut into faces or windows has the same light and exposure",
         exposure::picture_cut,
     ),
-    of_glare(Some(20), "glare-roundness", "glare is round in view space, off the axis too", glare::roundness),
+    of_glare(Some(20), "glare-roundness", "glare is round in view space, even off the axis", glare::roundness),
     of_glare(None, "glare-profile", "glare falls off like its kernel and has the correct light", glare::profile),
     of_glare(
         Some(21),
@@ -386,7 +386,7 @@ static ALL: [Check; 42] = [
         ..of_objects(None, "body-hides-stars", "a body hides only the stars behind it", objects::hides_stars)
     },
     of_objects(None, "asteroid-light", "meshes, impostors and points have the same light", objects::asteroid_light),
-    of_objects(None, "asteroid-seams", "asteroids are whole over edges, poles and rims", objects::seams),
+    of_objects(None, "asteroid-seams", "asteroids are whole across edges, poles and rims", objects::seams),
     Check {
         needs_catalogue: true,
         ..of_objects(None, "asteroid-occlusion", "near objects hide objects behind them", objects::occlusion)
@@ -395,14 +395,14 @@ static ALL: [Check; 42] = [
     of_objects(
         Some(24),
         "asteroid-tumbles",
-        "an asteroid that tumbles over every pole does not jump",
+        "an asteroid does not jump while it tumbles past every pole",
         objects::tumbles,
     ),
     of_objects(None, "head-motion", "a head that rolls, turns or moves sees the correct silhouette", objects::moves),
     of_objects(
         Some(25),
         "asteroid-stereo",
-        "both eyes see an asteroid at one depth through every change of detail",
+        "both eyes see an asteroid at the same depth at every change of detail",
         objects::in_stereo,
     ),
 ];

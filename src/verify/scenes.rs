@@ -42,10 +42,10 @@ pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
     }
 }
 
-/// Returns a rig of views that look along the camera's axes.
+/// Returns a rig of views that have the axes of the camera.
 ///
 /// # Errors
-/// As [`View::new`] and [`Rig::new`].
+/// Those of [`View::new`] and [`Rig::new`].
 pub fn rig<'a>(kinds: impl IntoIterator<Item = (&'a str, ViewKind)>) -> Result<Rig, RigError> {
     let view = |(name, kind)| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO);
     Rig::new(kinds.into_iter().map(view).collect::<Result<_, _>>()?)
@@ -80,8 +80,8 @@ pub fn all_views() -> Vec<(&'static str, ViewKind)> {
     ]
 }
 
-/// Returns up to `count` evenly spread directions that are at least `margin_px` inside of every image of the view (or
-/// of one of the faces of a cube, which share their edges).
+/// Returns up to `count` evenly spread directions that are at least `margin_px` inside of the borders of every image of
+/// the view. For a cube, whose faces share their edges, one of the faces suffices.
 pub fn directions_inside(view: &View, count: usize, margin_px: i32) -> Vec<DVec3> {
     let reaches_inside = |mapping: &dyn PlaneMapping, direction: DVec3| {
         let Some(pixel) = mapping.pixel_from_direction(direction) else { return false };

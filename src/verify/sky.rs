@@ -36,7 +36,7 @@ pub(super) fn resolution_doubled(context: &mut Context<'_>) -> Result<Vec<Figure
     let (once, _) = light_of_the_sky(context, 1, 2000)?;
     let (twice, _) = light_of_the_sky(context, 2, 2000)?;
     let mut changes: Vec<f64> = once.iter().zip(&twice).map(|(a, b)| (b / a - 1.0).abs()).collect();
-    // Pictures with a border: the stars are inside, so that none is cut.
+    // These pictures have a border. The stars are inside, so that none is cut off.
     for (name, kind) in all_views().into_iter().take(2) {
         let ViewKind::Perspective { size, fov_y_rad } = kind else { continue };
         let mean = |context: &mut Context<'_>, factor: u32| -> Result<f64, CheckError> {
@@ -50,7 +50,7 @@ pub(super) fn resolution_doubled(context: &mut Context<'_>) -> Result<Vec<Figure
     Ok(vec![Figure::at_most("mean luminance", worst(changes), 1e-3, "relative")])
 }
 
-/// 17: moves the magnitude limit star by star. It must remove exactly the light of the stars beyond it.
+/// 17: moves the magnitude limit star by star. The limit must remove exactly the light of the fainter stars.
 pub(super) fn cut_moved(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let magnitude = |i: usize| 0.25 + 0.5 * ((i * 7) % 16) as f32;
     let scene = snapshot(spiral(3000).enumerate().map(|(i, d)| star(d, magnitude(i))).collect());
@@ -65,7 +65,7 @@ pub(super) fn cut_moved(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckE
     Ok(vec![Figure::at_most("light of the stars above the cut", context.worst_flux_error(&pairs)?, 1e-4, "relative")])
 }
 
-/// 18: flies among stars. The light of every step follows from the stars' distances; a jump beyond that is a pop.
+/// 18: flies among stars. The expected light of every step follows from the stars' distances; any additional jump is a pop.
 pub(super) fn flight(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const STEPS: u32 = 40;
     let mut random = ChaCha8Rng::seed_from_u64(7);

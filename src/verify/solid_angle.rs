@@ -1,4 +1,4 @@
-//! Solid angles: of rendered frames and of the adapter's arithmetic alone, compared with f64.
+//! Compares solid angles with f64: those of rendered frames, and those that the adapter computes in a separate test of its arithmetic.
 
 use std::f64::consts::{PI, TAU};
 
@@ -23,7 +23,7 @@ use crate::{
     },
 };
 
-/// Limit of the failure test for the sum of a picture's solid angles, relative; at the orthographic rim the density is
+/// Limit of the failure test for the sum of a picture's solid angles, relative. At the orthographic rim, the density is
 /// unbounded.
 fn sum_limit(kind: &ViewKind) -> f64 {
     match kind {
@@ -74,7 +74,7 @@ fn pixel_error(found: f32, exact: f64) -> f64 {
     }
 }
 
-/// Keeps only the worst of the figures that share a limit.
+/// Keeps only the worst of the figures that have the same limit.
 fn worst_of(mut figures: Vec<Figure>) -> Vec<Figure> {
     figures.sort_by(|a, b| b.measured.total_cmp(&a.measured));
     let mut kept: Vec<Figure> = Vec::new();
@@ -132,7 +132,7 @@ pub fn sample_pixels(mapping: &dyn PlaneMapping) -> Vec<[u32; 2]> {
     pixels
 }
 
-/// Whether a pixel is within 16 pixels of the rim of a round picture.
+/// Returns whether a pixel is within 16 pixels of the rim of a round picture.
 pub fn is_near_rim(size: [u32; 2], pixel: [u32; 2]) -> bool {
     let [width, height] = size.map(f64::from);
     let from_centre = (pixel_centre(pixel[0], pixel[1]) - DVec2::new(width, height) / 2.0).length();
@@ -197,11 +197,11 @@ pub(super) fn triangles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckE
     Ok(figures)
 }
 
-/// 3: compares a window of a symmetric view with an off-axis frustum.
+/// 3: compares a part of the picture of a symmetric view with an off-axis frustum that shows the same part.
 pub(super) fn off_axis_window(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let scene = snapshot(spiral(20_000).map(|d| star(d, 3.0)).collect());
     let half = (PI / 6.0).tan();
-    // Columns 120 to 200, rows 30 to 90 of the whole picture.
+    // The part has the columns 120 to 200 and the rows 30 to 90 of the whole picture.
     let fov = Fov {
         left_rad: 0.0,
         right_rad: (half * 2.0 / 3.0).atan(),
@@ -227,8 +227,8 @@ pub(super) fn off_axis_window(context: &mut Context<'_>) -> Result<Vec<Figure>, 
     let light = worst(pairs().map(|(a, b)| f64::from((a[1] - b[1]).abs()) / brightest));
     Ok(vec![
         Figure::at_most("solid angle", solid_angle, 1e-6, "relative"),
-        // f32 coordinates shift a kernel by some 1e-5 of a pixel.
-        Figure::at_most("luminance over the brightest pixel's", light, 1e-4, ""),
+        // Rounding of f32 coordinates shifts a kernel by some 1e-5 of a pixel.
+        Figure::at_most("luminance, relative to the brightest pixel", light, 1e-4, ""),
     ])
 }
 
@@ -275,7 +275,7 @@ pub(super) fn fisheye_centre_and_rim(context: &mut Context<'_>) -> Result<Vec<Fi
     kept.extend(
         figures.into_iter().take(1).map(|(name, error, limit)| Figure::at_most(name, error, limit, "relative")),
     );
-    kept.push(Figure::at_most("light of a star there", context.worst_flux_error(&pairs)?, 1e-4, "relative"));
+    kept.push(Figure::at_most("light of a star at these places", context.worst_flux_error(&pairs)?, 1e-4, "relative"));
     Ok(kept)
 }
 

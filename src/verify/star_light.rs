@@ -38,7 +38,7 @@ pub(super) fn wide_perspective(context: &mut Context<'_>) -> Result<Vec<Figure>,
     for degrees in [150.0_f64, 160.0, 170.0, 178.0] {
         let rig = rig([("v", ViewKind::Perspective { size: [255, 255], fov_y_rad: degrees.to_radians() })])?;
         let mapping = rig.views()[0].images[0].projection.mapping();
-        // From the centre along the direction of an edge and of a corner.
+        // Stars from the centre towards an edge and towards a corner.
         for part in [0.0, 0.3, 0.6, 0.9] {
             for axis in [DVec2::X, DVec2::ONE, DVec2::new(-0.4, 1.0)] {
                 let pixel = DVec2::splat(127.5) + axis * 127.5 * part;
@@ -109,7 +109,7 @@ pub(super) fn edges_corners_poles(context: &mut Context<'_>) -> Result<Vec<Figur
     for place in hard_places() {
         let across = place.any_orthonormal_vector();
         for step in [-3.0, -1.0, 0.0, 1.0, 2.0] {
-            // Sub-pixel steps across, and the position itself.
+            // Sub-pixel steps across the place, and the place itself.
             let swept = place + across * (step * 0.013) + place.cross(across) * (step * 0.004);
             let light = context.light_lx(&snapshot(vec![star(swept, 2.0)]), &rig)?;
             for (of_view, light) in pairs.iter_mut().zip(light) {
@@ -124,7 +124,7 @@ pub(super) fn edges_corners_poles(context: &mut Context<'_>) -> Result<Vec<Figur
     rig.views().iter().zip(&pairs).map(figure).collect()
 }
 
-/// Draws stars of several magnitudes, one catalogue each, at 50 directions in every projection.
+/// Draws stars of several magnitudes, each magnitude in a separate catalogue, at 50 directions in every projection.
 pub(super) fn every_projection(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let magnitudes = [-1.0_f32, 2.0, 6.0, 15.0];
     let mut pairs = Vec::new();

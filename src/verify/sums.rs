@@ -26,8 +26,8 @@ fn small_rig() -> Result<Rig, CheckError> {
     Ok(rig([("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.0096 })])?)
 }
 
-/// Ratio of the light of a crowd in one pixel to the light of one of its stars, drawn alone, times the number of stars. Methods of relative
-/// brightness can be measured in this way too. The error relative to the catalogue is included.
+/// Returns the light of a crowd of stars in one pixel, divided by the number of stars and by the light of one star. For methods of relative
+/// brightness, this star is drawn alone; for other methods its light is that of the catalogue.
 fn crowd(context: &mut Context<'_>, count: usize, magnitude: f32) -> Result<f64, CheckError> {
     let rig = small_rig()?;
     let light = context.light_lx(&snapshot(vec![star(DVec3::NEG_Z, magnitude); count]), &rig)?[0];
@@ -48,7 +48,7 @@ pub(super) fn million_faint(context: &mut Context<'_>) -> Result<Vec<Figure>, Ch
     ])
 }
 
-/// Tests the published weakness of sums in 16-bit floats: they stall.
+/// Tests the published weakness of sums in 16-bit floats: they stop growing.
 pub(super) fn equal_stars(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let kept = crowd(context, 20_000, 10.0)?;
     // Faint stars are added to a brighter one.
@@ -73,7 +73,7 @@ pub(super) fn equal_stars(context: &mut Context<'_>) -> Result<Vec<Figure>, Chec
     ])
 }
 
-/// 12: a star a hundred million times as bright, and the Sun with them.
+/// 12: a faint star and one that is a hundred million times as bright, without the Sun and with it.
 pub(super) fn sirius(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = rig([("v", ViewKind::Perspective { size: [129, 129], fov_y_rad: 0.2 })])?;
     let mapping = rig.views()[0].images[0].projection.mapping();
@@ -91,7 +91,7 @@ pub(super) fn sirius(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckErro
         let image = frame.images.first().ok_or(CheckError::Missing("an image"))?;
         let image = hdr_view(image, mapping)?;
         let found = faint_beside_bright(&image, points[0].1, points[1].1, 12.0)?;
-        // A relative method is scaled to the bright star, so only the faint one near it is judged.
+        // A relative method is scaled to the bright star, so only the faint star near it is judged.
         let relative = context.method().is_relative();
         let faint =
             if relative { (1.0 + found.faint_error) / (1.0 + found.bright_error) - 1.0 } else { found.faint_error };
@@ -103,15 +103,15 @@ pub(super) fn sirius(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckErro
     Ok(figures)
 }
 
-/// 13: sums beyond their range. Fixed-point units are deliberately too fine, and sixty-four Suns in a small pixel must
-/// be correct or reported.
+/// 13: sums that exceed their range. Fixed-point units are deliberately too fine. The light of sixty-four Suns in a
+/// small pixel must be correct, or an overflow must be reported.
 pub(super) fn overflow(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = rig([("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.01 })])?;
     let mut figures = Vec::new();
     if context.method().accumulator() == Accumulator::FixedPoint {
         let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0); 4096]);
         let expected = 4096.0 * illuminance_lx_from_magnitude(2.0);
-        // Within the reserve of the range the light must be correct; beyond it the frame must be refused.
+        // Within the reserve of the range, the light must be correct. Beyond it, the frame must be refused.
         let (mut wrong, mut reported) = (0, 0);
         for exponent in [0, 6, 10, 20, 30, 40] {
             context.renderer.unit_factor = 2f64.powi(exponent);
@@ -149,13 +149,13 @@ pub(super) fn overflow(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
             }
         },
     };
-    figures.push(Figure::at_most("light of 64 Suns in a pixel, lost and not reported", lost, 1e-3, "relative"));
+    figures.push(Figure::at_most("light of 64 Suns in a pixel that is lost without a report", lost, 1e-3, "relative"));
     Ok(figures)
 }
 
-/// 14: a hundred orders of the catalogue, each of which changes the order in which the stars reach the GPU, so sorting
-/// alone cannot pass. Also reports other orders of the set's chunks, which no catalogue produces: the hash that rounds
-/// a star depends on its index in the set.
+/// 14: draws a hundred orders of the catalogue. Each changes the order in which the stars reach the GPU, so a method
+/// cannot pass by sorting alone. Also reports the effect of other orders of the set's chunks, which no catalogue
+/// produces: the hash that rounds a star depends on its index in the set.
 pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const SHUFFLES: u64 = 100;
     let mut records: Vec<StarRecord> = spiral(2000)
@@ -169,7 +169,7 @@ pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
     let rig = rig([("flat", ViewKind::Perspective { size: [160, 90], fov_y_rad: 1.0 }), ("cube", cube(32))])?;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let first = context.render(&snapshot(records.clone()), &rig)?;
-    // Two black pictures would be equal and prove nothing.
+    // Two black pictures would also be equal, which would prove nothing.
     if worst(light_of_views_lx(&first, &rig)?) == 0.0 {
         return Err(MetricError::NoLight("shuffled stars").into());
     }
@@ -196,8 +196,8 @@ pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
         }
     }
     Ok(vec![
-        Figure::at_most("of 100 shuffles, those that changed a bit:", f64::from(changed), 0.0, ""),
-        Figure::informative("largest change over the brightest pixel", largest, ""),
+        Figure::at_most("shuffles, out of 100, that changed a bit", f64::from(changed), 0.0, ""),
+        Figure::informative("largest change, relative to the brightest pixel", largest, ""),
         Figure::informative("with chunks in another order", largest_of_chunks, ""),
     ])
 }

@@ -14,13 +14,13 @@ pub(super) struct WindowGpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) name: String,
-    /// First driver error that was reported since the last check.
+    /// First driver error since the last check.
     failure: Arc<Mutex<Option<String>>>,
 }
 
 impl WindowGpu {
-    /// Opens the adapter called `preferred` if it can present to the window, otherwise the first one that can; also
-    /// returns the window's surface.
+    /// Opens the adapter named `preferred` if it can present to the window, otherwise the first adapter that can. Returns it with the window's
+    /// surface.
     ///
     /// # Errors
     ///
@@ -74,7 +74,7 @@ impl WindowGpu {
     ///
     /// The device is lost.
     pub(super) fn finish(&self) -> Result<(), WindowsError> {
-        // Writes to textures are submitted with the next commands.
+        // Writes to textures are submitted only with the next commands, so submit an empty list.
         self.queue.submit([]);
         let done = self.device.poll(wgpu::PollType::wait_indefinitely());
         done.map_err(|error| WindowsError::Refused(error.to_string()))?;

@@ -9,7 +9,7 @@ use winit::window::Window;
 
 use super::{monitors::MonitorReport, statistics::WindowState};
 
-/// State of a window, as set by events.
+/// State of a window, which events set.
 #[derive(Clone, Debug)]
 pub(super) struct DeskWindow {
     /// `None`: the window is not open yet.
@@ -22,7 +22,7 @@ pub(super) struct DeskWindow {
     pub(super) monitor: String,
     pub(super) refresh_hz: Option<f64>,
     pub(super) state: WindowState,
-    /// Counts the events that make its picture stale: covered parts became visible, it was opened, or its size changed.
+    /// Number of events that made its picture stale: covered parts became visible, the window was opened, or its size changed.
     pub(super) stale: u64,
 }
 

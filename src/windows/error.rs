@@ -17,7 +17,7 @@ pub enum WindowsError {
     NoAdapter(String),
     /// The surface does not support a format.
     #[error(
-        "window `{window}`: format = \"{wanted}\": {adapter} does not support it on this monitor; it supports {offered} (of \"srgb8\", \"rgb10\", \"hdr\")"
+        "window `{window}`: format = \"{wanted}\": {adapter} does not support it on this monitor, but supports {offered} (of \"srgb8\", \"rgb10\", \"hdr\")"
     )]
     Format {
         /// Name of the window.

@@ -49,13 +49,13 @@ enum Notice {
     Ended,
 }
 
-/// Opens windows for a host and shows its frames until the host ends them. `sizes` are the sizes of the images, pixels;
-/// `preferred` is the adapter to use if it can present. The calling thread runs the event loop until then, which a
-/// process can do only once. `without_display` selects the behaviour when the display ends.
+/// Opens windows for a host and shows its frames until the host ends them. `sizes` are the sizes of the images, pixels; `preferred` is the adapter to
+/// use if it can present. The calling thread runs the event loop until that end; a process can do this only once. `without_display` selects the
+/// behaviour when the display ends.
 ///
 /// # Errors
 ///
-/// There is no display, or it can show none of the windows.
+/// There is no display, or the display can show none of the windows.
 pub fn open(
     configs: &[WindowConfig],
     sizes: &[[u32; 2]],
@@ -131,7 +131,7 @@ enum Presenting {
 struct Placed {
     /// Whether it fills its monitor.
     fills: bool,
-    /// Monitor on which it was placed, while it is visible.
+    /// Monitor on which it was placed; `None` while it is not visible.
     on: Option<MonitorReport>,
     closed: bool,
 }
@@ -208,7 +208,7 @@ impl App {
         }
     }
 
-    /// Returns the monitor of a window; `Ok(None)`: the desktop chooses.
+    /// Returns the monitor of a window; `Ok(None)` if the desktop chooses it.
     fn meant(&self, index: usize, filled: &HashMap<String, String>) -> Result<Option<Monitor>, String> {
         let (config, fills) = (&self.configs[index], self.placed[index].fills);
         if config.monitor.is_none() && !fills {
@@ -242,7 +242,7 @@ impl App {
     }
 
     fn show(&mut self, events: &ActiveEventLoop, index: usize, monitor: Option<&Monitor>) {
-        // Nothing to do if the window is visible on the right monitor; only the report may have changed.
+        // If the window is visible on the right monitor, there is nothing to do: only the report may have changed.
         let report = monitor.map(|monitor| monitor.report.clone());
         let window = self.desk.state().windows[index].window.clone();
         let is_shown = self.desk.state().windows[index].shown;
@@ -260,7 +260,7 @@ impl App {
         // Create the window hidden, or adapt the existing one.
         let (position, [width, height]) = self.geometry(index, monitor);
         let fills = self.placed[index].fills;
-        // Only for monitors known to the library; on X11 the window is enlarged below.
+        // The window library can do this only for monitors that it knows. On X11, the window is enlarged below.
         let handle = monitor.filter(|_| fills).and_then(|monitor| monitor.handle.clone());
         let fullscreen = handle.map(|handle| Fullscreen::Borderless(Some(handle)));
         let size = PhysicalSize::new(width, height);
@@ -337,7 +337,7 @@ impl App {
         monitor.map(|monitor| monitor.report.clone())
     }
 
-    /// Asks the X11 window manager to let a window fill its monitor, or to undo that.
+    /// Asks the X11 window manager to make a window fill its monitor, or to undo that.
     fn fill(&self, window: &Window, fills: bool) -> Result<(), String> {
         match &self.desktop {
             Some(desktop) => desktop.fill(window, fills).map_err(|error| error.to_string()),
@@ -434,7 +434,7 @@ impl ApplicationHandler<Notice> for App {
         }
         let by_edid = |config: &&WindowConfig| matches!(config.monitor, Some(MonitorChoice::Edid(_)));
         if let Some(config) = self.configs.iter().find(by_edid).filter(|_| self.desktop.is_none()) {
-            tracing::warn!("window `{}`: EDIDs can be read only with X11; name the connector", config.name);
+            tracing::warn!("window `{}`: EDIDs can be read only with X11; name the connector instead", config.name);
         }
         self.look(events);
         let presenter = match std::mem::replace(&mut self.presenter, Presenting::Ended) {
@@ -446,7 +446,7 @@ impl ApplicationHandler<Notice> for App {
         };
         let (proxy, host) = (self.proxy.clone(), Arc::clone(&self.host));
         let started = thread::Builder::new().name("present".to_owned()).spawn(move || {
-            // Notify the event loop, which waits for this, even on a panic.
+            // Notify the event loop, which waits for this event, even on a panic.
             struct EndNotice(EventLoopProxy<Notice>, Arc<dyn Host>);
             impl Drop for EndNotice {
                 fn drop(&mut self) {
@@ -480,7 +480,7 @@ impl ApplicationHandler<Notice> for App {
                 window.size = [size.width, size.height];
                 window.stale += 1;
             }),
-            // If the desktop placed the window, it may also move it.
+            // A window that the desktop has placed may be moved later.
             WindowEvent::Moved(_) if self.placed[index].on.is_none() => {
                 let window = self.desk.state().windows[index].window.clone();
                 let on = window.and_then(|window| self.report_of(&window));

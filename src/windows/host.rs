@@ -33,9 +33,9 @@ pub enum WindowImage {
     Image(ShownImage),
     /// The previous content.
     AsBefore,
-    /// Black: its view no longer exists.
+    /// The window is black, because its view no longer exists.
     NoView,
-    /// Black, until the next image.
+    /// The window is black until the next image.
     Black,
 }
 
@@ -59,13 +59,13 @@ pub enum Next {
     Prepare(u64, WindowFrame),
     /// Present the prepared frame of this number.
     Present(u64),
-    /// The prepared frame of this number is not presented.
+    /// Do not present the prepared frame of this number.
     Discard(u64),
     /// Close the windows.
     End,
 }
 
-/// Command entered with a key.
+/// Command that the user gives with a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Toggle test patterns in the views of all windows.
@@ -80,13 +80,13 @@ pub trait Host: Send + Sync {
     /// second.
     fn next(&self, shown: &[bool]) -> Next;
 
-    /// A frame of [`Next::Prepare`] is prepared; `false`: the device was lost with it. Must not block.
+    /// Called when a frame of [`Next::Prepare`] is prepared, or (`false`) when the device was lost in the process. Must not block.
     fn prepared(&self, _number: u64, _is_ready: bool) {}
 
-    /// The presenting thread, which calls this, begins.
+    /// Called on the presenting thread when it begins.
     fn presenting_began(&self) {}
 
-    /// The presenting thread has ended, possibly by a panic: no further frames are prepared. Must not block.
+    /// Called when the presenting thread has ended, possibly by a panic. No further frames are prepared. Must not block.
     fn presenting_ended(&self) {}
 
     /// Receives a command. Must not block.

@@ -5,11 +5,10 @@
 //! event thread (winit)  --windows, sizes, keys, monitors-->  presenting thread, host
 //! ```
 //!
-//! The thread that calls `open` runs the event loop. The presenting thread takes one frame at a time, draws the images
-//! of all windows from it, and presents them together, so that all windows show the same frame. It has a separate
-//! device, on the adapter of the renderer if that one can present: images come from the renderer's host memory, as for
-//! encoding and files, including the shares of projectors. Windows are thus independent of a lost device, of a headset,
-//! and of an adapter that can only compute.
+//! The thread that calls `open` runs the event loop. The presenting thread takes one frame at a time, draws the images of all windows from it, and
+//! presents them together, so that all windows show the same frame. It has a separate device, which is on the adapter of the renderer if that adapter
+//! can present: images come from the renderer's host memory, as for encoding and files, including the shares of projectors. Windows are thus
+//! independent of a lost device, of a headset, and of an adapter that can only compute.
 //!
 //! `open` needs the feature `windows`; without it this module contains only the types with which the service describes
 //! windows.

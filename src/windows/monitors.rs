@@ -17,14 +17,14 @@ pub struct MonitorReport {
     pub position: [i32; 2],
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Refreshes per second; `None`: unknown.
+    /// Refreshes per second; `None` if unknown.
     pub refresh_hz: Option<f64>,
     /// Names from its EDID.
     pub edid: Vec<String>,
 }
 
 impl MonitorReport {
-    /// Whether it has the same name, position and size as another one.
+    /// Whether it has the same name, position and size as another monitor.
     pub(super) fn has_place_of(&self, other: &Self) -> bool {
         (&self.name, self.position, self.size) == (&other.name, other.position, other.size)
     }

@@ -8,7 +8,7 @@ use crate::{config::WindowFormat, render::Shader};
 struct Variant {
     /// Format of the surface.
     target: wgpu::TextureFormat,
-    /// Whether the image holds sRGB codes, and whether the target does.
+    /// Whether the image contains sRGB codes, and whether the target does.
     codes: [bool; 2],
 }
 
@@ -71,8 +71,7 @@ pub(super) struct Placing {
 }
 
 impl Placing {
-    /// Centred and as large as possible with the image's aspect ratio; an image of the window's size is drawn pixel by
-    /// pixel.
+    /// Centres the image and makes it as large as possible with its aspect ratio. An image of the window's size is drawn pixel by pixel.
     pub(super) fn fitted(image: [u32; 2], window: [u32; 2]) -> Self {
         let [of_width, of_height] = [0, 1].map(|axis| f64::from(window[axis]) / f64::from(image[axis]));
         let scale = of_width.min(of_height);
@@ -112,7 +111,7 @@ impl Picture {
         Self { texture, view, placed }
     }
 
-    /// Width and height, pixels.
+    /// Returns width and height, pixels.
     pub(super) fn size(&self) -> [u32; 2] {
         [self.texture.width(), self.texture.height()]
     }
@@ -126,7 +125,7 @@ impl Picture {
         gpu.queue.write_texture(self.texture.as_image_copy(), texels, layout, self.texture.size());
     }
 
-    /// Records the drawing into a target; `format` is the format of the window.
+    /// Records the commands that draw the picture into a target; `format` is the format of the window.
     pub(super) fn draw(
         &self,
         gpu: &WindowGpu,

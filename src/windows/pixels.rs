@@ -15,10 +15,10 @@ use crate::{
     view::projector::ProjectorOutput,
 };
 
-/// Largest code of 10 bits.
+/// Largest 10-bit code.
 const MOST_CODE: f64 = 1023.0;
 
-/// Format of the texture that holds the texels.
+/// Returns the format of the texture for the texels.
 pub(super) fn texture_format(format: WindowFormat) -> wgpu::TextureFormat {
     match format {
         WindowFormat::Srgb8 => wgpu::TextureFormat::Rgba8Unorm,
@@ -40,9 +40,8 @@ impl WindowFormat {
 
 /// Returns the texels of an image, row by row from the top; `None`: the frame lacks the required image.
 ///
-/// With 8 bits they are the bytes of the display image. Otherwise they are computed from the HDR image, in f64 and
-/// without dither, with the exposure and, for 10 bits, the tone mapping of the display image; a frame with only the
-/// display image gives its codes.
+/// With 8 bits they are the bytes of the display image. Otherwise they are computed from the HDR image, in f64 and without dither, with the exposure
+/// and, for 10 bits, the tone mapping of the display image; if the frame has only the display image, its codes are used.
 pub(super) fn texels<'a>(
     image: &'a FrameImage,
     exposure_ev100: f64,
@@ -54,7 +53,7 @@ pub(super) fn texels<'a>(
         (_, Some(hdr), _) => {
             let white_cd_m2 = white_luminance_cd_m2(exposure_ev100);
             let projector = image.projector.as_deref();
-            // Linear light has no codes to which a projector's response applies.
+            // A projector's response applies to codes, and linear light has none.
             let blended = |index: usize, light: [f64; 3]| match projector.and_then(ProjectorOutput::blend) {
                 None => light,
                 Some(blend) => {
@@ -85,7 +84,7 @@ pub(super) fn texels<'a>(
     }
 }
 
-/// Packs three codes of 10 bits per word, from values of 0 to 1.
+/// Packs values of 0 to 1 as three 10-bit codes per word.
 fn tens(pixels: usize, value: impl Fn(usize) -> [f64; 3] + Sync) -> Vec<u8> {
     let mut texels = vec![0_u8; 4 * pixels];
     texels.par_chunks_exact_mut(4).enumerate().for_each(|(index, bytes)| {

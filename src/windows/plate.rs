@@ -20,7 +20,7 @@ pub(super) struct PlateText {
 }
 
 impl PlateText {
-    /// Returns width and height, and R, G, B, A of each pixel as sRGB codes; at most as large as the window.
+    /// Returns width and height, and R, G, B, A of each pixel as sRGB codes. The plate is at most as large as the window.
     pub(super) fn pixels(&self) -> ([u32; 2], Vec<u8>) {
         let [width, height] = self.window.map(f64::from);
         let widest = |size_px: f64| self.lines.iter().map(|line| width_px(line, size_px)).fold(1.0, f64::max);

@@ -1,11 +1,11 @@
 //! The presenting thread: shows one frame at a time in all windows.
 //!
-//! The images of a frame are uploaded to the device first. Then the thread waits for every window's next texture, draws
-//! all windows in one submission, and presents them one after the other. If images wait for refreshes, the slowest
-//! monitor sets the pace of all.
+//! The images of a frame are uploaded to the device first. Then the thread waits for every window's next texture, draws all windows in one
+//! submission, and presents them one after the other. If images wait for refreshes, the slowest monitor determines the pace of all windows.
 //!
-//! A host may separate both steps: it has a frame prepared (uploaded, the device polled, the next textures acquired), and presented later, or not at
-//! all. A texture that was acquired for a frame that is not presented is kept for the next one, because Vulkan cannot return it.
+//! A host may separate preparation and presentation: it has a frame prepared (uploaded, the device polled, the next textures acquired), and has it
+//! presented later, or not at all. A texture that was acquired for a frame that is not presented is kept for the next one, because Vulkan cannot
+//! return it.
 
 use std::{
     collections::HashMap,
@@ -28,9 +28,9 @@ use super::{
 };
 use crate::config::WindowConfig;
 
-/// Interval between two checks for windows while there are none.
+/// Interval between checks for windows while there are none.
 const IDLE: Duration = Duration::from_millis(20);
-/// Maximum number of attempts to reopen the device without a frame in between.
+/// Maximum number of consecutive attempts to reopen the device without a frame.
 const MOST_LOSSES: u32 = 3;
 /// Log target of presented frames: one line per frame, with its number in each window.
 const PRESENTED: &str = "steradian::windows::presented";
@@ -69,7 +69,7 @@ pub(super) struct Presenter {
     gpu: Option<WindowGpu>,
     pipelines: Pipelines,
     places: Vec<Place>,
-    /// Prepared frames by their numbers: the images of windows by their indices.
+    /// Images of the prepared frames, by the number of the frame and the index of the window.
     prepared: HashMap<u64, Vec<(usize, Prepared)>>,
     /// Number of losses of the device since the last presented frame.
     losses: u32,
@@ -113,7 +113,7 @@ impl Presenter {
             let shown: Vec<bool> = self.is_shown(&desk);
             let next = self.host.next(&shown);
             let brings_frame = matches!(next, Next::Frame(_));
-            // Read the state again: changes during the wait count.
+            // Read the state again, because it may have changed during the wait.
             let desk = self.desk.state().clone();
             let done = match next {
                 Next::End => break,
@@ -160,7 +160,7 @@ impl Presenter {
     /// Drops the device and everything on it; the next frame reopens it.
     fn lose(&mut self, problem: &str) {
         self.losses += 1;
-        tracing::error!("the adapter of the windows refused a frame: {problem}; it is reopened");
+        tracing::error!("the adapter of the windows refused a frame, so it is reopened: {problem}");
         for place in &mut self.places {
             (place.screen, place.presented) = (None, None);
         }
@@ -196,7 +196,7 @@ impl Presenter {
         Ok(ready)
     }
 
-    /// Updates all windows for which the frame has an image or whose picture is stale. Returns whether there was one.
+    /// Updates all windows for which the frame has an image or whose picture is stale. Returns whether there was such a window.
     fn present(&mut self, desk: &DeskState, frame: Option<&WindowFrame>) -> Result<bool, WindowsError> {
         let mut due = Vec::new();
         for index in self.ready_windows(desk)? {
@@ -280,7 +280,7 @@ impl Presenter {
         }
     }
 
-    /// Content that a window must show with this new frame; `None`: it shows that already.
+    /// Returns the content that a window must show with this new frame; `None` if it shows that content already.
     fn due(&self, desk: &DeskState, index: usize, number: Option<u64>) -> Option<Due> {
         let place = &self.places[index];
         let black = desk.blackout || place.no_view || place.is_black;

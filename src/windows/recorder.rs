@@ -7,7 +7,7 @@ use std::{
 
 use super::statistics::Intervals;
 
-/// Number of intervals in the medians: ten seconds at 60 Hz.
+/// Number of intervals from which medians are computed: ten seconds at 60 Hz.
 const WINDOW: usize = 600;
 
 /// Recorder of one window.
@@ -80,7 +80,7 @@ mod tests {
         let intervals = recorder.intervals().expect("there are four intervals");
         assert!((intervals.longest_ms - 50.0).abs() < 0.01, "{intervals:?}");
         assert!((intervals.median_ms - 1000.0 / 60.0).abs() < 0.5, "{intervals:?}");
-        // If refreshes are not waited for, none is missed.
+        // If frames do not wait for refreshes, no refresh is missed.
         now += Duration::from_secs(1);
         recorder.presented(now, 4, None);
         assert_eq!(recorder.missed, 2);

@@ -51,7 +51,7 @@ pub(super) struct Screen {
     configuration: wgpu::SurfaceConfiguration,
     format: WindowFormat,
     picture: Option<Picture>,
-    /// Pictures that are not shown, to be filled again.
+    /// Pictures that are not shown and whose textures can be filled again.
     spare: Vec<Picture>,
     /// The surface's next texture, if it was acquired ahead of the frame.
     acquired: Option<wgpu::SurfaceTexture>,
@@ -108,7 +108,7 @@ impl Screen {
         })
     }
 
-    /// Whether it is the surface of this window.
+    /// Whether this is the surface of `window`.
     pub(super) fn is_of(&self, window: &Arc<Window>) -> bool {
         Arc::ptr_eq(&self.window, window)
     }
@@ -118,13 +118,13 @@ impl Screen {
         let size = size.map(|side| side.max(1));
         if [self.configuration.width, self.configuration.height] != size {
             [self.configuration.width, self.configuration.height] = size;
-            // A texture of the previous size must be returned before.
+            // A texture of the previous size must be returned before that.
             self.acquired = None;
             self.surface.configure(&gpu.device, &self.configuration);
         }
     }
 
-    /// Uploads the texels of an image, which is not shown yet.
+    /// Uploads the texels of an image without showing it.
     pub(super) fn upload(&mut self, gpu: &WindowGpu, size: [u32; 2], texels: &[u8]) -> Picture {
         let fits = self.spare.iter().position(|picture| picture.size() == size);
         let picture = match fits {
@@ -138,7 +138,7 @@ impl Screen {
         picture
     }
 
-    /// Uploads the texels of an image, which the screen shows from the next drawing on.
+    /// Uploads the texels of an image. From the next drawing on, the screen shows the image.
     pub(super) fn fill(&mut self, gpu: &WindowGpu, size: [u32; 2], texels: &[u8]) {
         // The texture of the old picture can be filled again: nothing else is drawn before that.
         self.spare.extend(self.picture.take());
@@ -146,24 +146,24 @@ impl Screen {
         self.picture = Some(picture);
     }
 
-    /// From the next drawing on, the screen shows this picture.
+    /// Makes the screen show this picture from the next drawing on.
     pub(super) fn put(&mut self, picture: Picture) {
         self.spare.extend(self.picture.replace(picture));
     }
 
-    /// Keeps the texture of a picture that is not shown for another one.
+    /// Takes back a picture that is not shown, so that its texture can be used for another picture.
     pub(super) fn take_back(&mut self, picture: Picture) {
         self.spare.push(picture);
     }
 
-    /// Acquires the surface's next texture ahead of the frame, unless that was done before.
+    /// Acquires the surface's next texture ahead of the frame, if it has not been acquired yet.
     pub(super) fn acquire_ahead(&mut self, gpu: &WindowGpu) {
         if self.acquired.is_none() {
             self.acquired = self.acquire_now(gpu);
         }
     }
 
-    /// Returns the surface's next texture. `None`: not available now; it is tried again with the next frame.
+    /// Returns the surface's next texture. `None` if it is not available now; the next frame makes another attempt.
     pub(super) fn acquire(&mut self, gpu: &WindowGpu) -> Option<wgpu::SurfaceTexture> {
         self.acquired.take().or_else(|| self.acquire_now(gpu))
     }
@@ -174,7 +174,7 @@ impl Screen {
             match self.surface.get_current_texture() {
                 Current::Success(texture) => return Some(texture),
                 Current::Suboptimal(texture) => {
-                    // It is still displayed correctly; the next one has the new size.
+                    // This texture is still displayed correctly; the next one will have the new size.
                     return Some(texture);
                 }
                 Current::Outdated | Current::Lost => self.surface.configure(&gpu.device, &self.configuration),

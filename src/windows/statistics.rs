@@ -12,14 +12,14 @@ pub enum WindowState {
     MonitorMissing(String),
     /// Its view no longer exists, so it is black.
     ViewMissing,
-    /// No window, or not this one, can be opened, with the reason.
+    /// No windows can be opened, or this one cannot be opened, with the reason.
     NoDisplay(String),
     /// It was closed by the user.
     Closed,
 }
 
 impl WindowState {
-    /// Name in messages and on the wire.
+    /// Returns the name that messages contain.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Shown => "shown",
@@ -30,7 +30,7 @@ impl WindowState {
         }
     }
 
-    /// Reason why it is not displayed, if there is more information than the name.
+    /// Returns the reason why it is not displayed; empty if the name is the whole reason.
     pub fn reason(&self) -> &str {
         match self {
             Self::MonitorMissing(reason) | Self::NoDisplay(reason) => reason,
@@ -42,9 +42,9 @@ impl WindowState {
 /// Intervals between presented frames, ms.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize)]
 pub struct Intervals {
-    /// Median of the last 600.
+    /// Median of the last 600 intervals.
     pub median_ms: f64,
-    /// 99th percentile of the last 600.
+    /// 99th percentile of the last 600 intervals.
     pub p99_ms: f64,
     /// Maximum since the window was opened.
     pub longest_ms: f64,

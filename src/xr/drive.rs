@@ -14,9 +14,9 @@ use super::{
 };
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 
-/// Wait before the first attempt to reconnect; each failure doubles it.
+/// Wait before the first attempt to reconnect. Each failure doubles the wait.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
-/// Longest wait between two attempts.
+/// Maximum wait between two attempts.
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
 /// Interval at which the host is asked whether it still wants the headset, while there is no session.
 const HOST_INTERVAL: Duration = Duration::from_millis(50);
@@ -26,9 +26,9 @@ const END_TIMEOUT: Duration = Duration::from_secs(2);
 /// Handling of a failed first connection, and of a scene that cannot be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FirstFailure {
-    /// The error is returned.
+    /// [`drive`] returns the error.
     Fails,
-    /// It is retried, as after a loss: the runtime may start later, and the scene may change.
+    /// It is tried again, as after a loss: the runtime may start later, and the scene may change.
     Retries,
 }
 
@@ -94,7 +94,7 @@ fn drive_with<C: Connection>(
                 connected_before = true;
                 let end = frames(&mut headset, host);
                 let before = mem::replace(&mut recorder, headset.close());
-                // Attempts also become less frequent for a runtime that accepts every session but shows nothing.
+                // A runtime that accepts every session but shows nothing counts as a failure too, so that attempts become less frequent.
                 if recorder.figures().rendered > before.figures().rendered {
                     (pauses, last_reason) = (Pauses::new(), None);
                 }
@@ -134,7 +134,7 @@ fn drive_with<C: Connection>(
     Ok(())
 }
 
-/// Pauses between failed attempts: each twice as long as the previous one, up to the longest.
+/// Pauses between failed attempts. Each pause is twice as long as the previous one, up to a maximum.
 struct Pauses(Duration);
 
 impl Pauses {
@@ -222,7 +222,7 @@ mod tests {
     #[derive(Default)]
     struct RecordingHost {
         ended: AtomicBool,
-        /// Whether the host ends when a disconnection is reported.
+        /// Whether the host ends the headset when a disconnection is reported.
         ends_when_disconnected: bool,
         statuses: Mutex<Vec<Status>>,
         statistics: Mutex<HeadsetStatistics>,

@@ -50,7 +50,7 @@ pub enum XrError {
     Unsuitable {
         /// Name and version of the runtime.
         runtime: String,
-        /// Missing capability and requirement.
+        /// The capability that is missing, and what it is required for.
         problem: String,
     },
     /// A call failed.
@@ -61,7 +61,7 @@ pub enum XrError {
         /// Result of the call.
         result: sys::Result,
     },
-    /// The runtime could not create its device.
+    /// The runtime could not create a device.
     #[error("{call}: Vulkan answers {result}")]
     Vulkan {
         /// Name of the call.

@@ -19,7 +19,7 @@ pub(super) fn fov_of(view: &xr::View) -> Fov {
 /// Returns an eye of the rig from a view of the session: both look along -z with +y up.
 pub(super) fn eye_from_view(view: &xr::View, size: [u32; 2]) -> Eye {
     let xr::Posef { orientation: q, position: p } = view.pose;
-    // The runtime's quaternions have only the precision of f32.
+    // Normalise the quaternion, because the runtime's have only the precision of f32.
     let room_from_eye = DQuat::from_xyzw(q.x.into(), q.y.into(), q.z.into(), q.w.into()).normalize();
     Eye { size, fov: fov_of(view), room_from_eye, position_m: DVec3::new(p.x.into(), p.y.into(), p.z.into()) }
 }

@@ -8,11 +8,11 @@ use crate::plan::settings::HeadsetSettings;
 /// The four controls of flight on both controllers. The type parameters determine what is stored for each control: its state, an action, or a path.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(super) struct Controls<Stick = [f64; 2], Trigger = f64> {
-    /// Right and forwards, each -1 to 1.
+    /// Movement to the right and forwards, each -1 to 1.
     pub(super) translate: Stick,
-    /// Turn to the right and rise, each -1 to 1.
+    /// Turn to the right, and movement upwards, each -1 to 1.
     pub(super) turn_rise: Stick,
-    /// Forwards, 0 to 1: position of the trigger.
+    /// Movement forwards, 0 to 1, which is the position of the trigger.
     pub(super) thrust: Trigger,
     /// Speed factor, 0 to 1: beyond the dead zone each tenth multiplies the speed by 10^0.3.
     pub(super) boost: Trigger,
@@ -22,7 +22,7 @@ pub(super) struct Controls<Stick = [f64; 2], Trigger = f64> {
 const DEAD_ZONE: f64 = 0.15;
 /// Powers of ten between boost 0 and boost 1.
 const BOOST_DECADES: f64 = 3.0;
-/// Maximum time step of a movement, s; longer intervals, such as a pause of the runtime, count as this.
+/// Maximum time step of a movement, s. Longer intervals, such as a pause of the runtime, are shortened to it.
 const LONGEST_STEP_S: f64 = 0.1;
 
 /// Returns the deflection beyond the dead zone, scaled to 0 to 1.
@@ -33,9 +33,8 @@ fn live(value: f64) -> f64 {
     value.signum() * ((value.abs().min(1.0) - DEAD_ZONE) / (1.0 - DEAD_ZONE)).max(0.0)
 }
 
-/// Returns the movement of the camera in `dt_s`. The head (its position and axes in the room) steers: forwards is its
-/// viewing direction. Turns are about the room's vertical through the head, so that they do not carry the wearer
-/// through the scene. `None`: at rest.
+/// Returns the movement of the camera in `dt_s`. The head (its position and axes in the room) steers: forwards is its viewing direction. Turns are
+/// about the room's vertical axis through the head, so that they do not move the wearer through the scene. `None`: at rest.
 pub(super) fn flight(
     controls: &Controls,
     dt_s: f64,
@@ -93,7 +92,7 @@ mod tests {
         let world_from_room = DQuat::from_rotation_z(0.7);
         let head = (DVec3::new(1.0, 1.7, -2.0), DQuat::from_rotation_x(0.3));
         let step = flight(&controls, 0.1, &settings(), world_from_room, head).unwrap();
-        // Position of the head before and after: that of the camera plus its own offset in the camera's axes.
+        // Position of the head before and after the turn: the position of the camera plus the offset of the head in the camera's axes.
         let before = world_from_room * head.0;
         let after = step.translation_m + step.rotation * world_from_room * head.0;
         assert!((before - after).length() < 1e-12);

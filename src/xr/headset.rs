@@ -35,7 +35,7 @@ const IDLE_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Maximum time that the device may take to finish when the connection ends.
 const LAST_WORK: Duration = Duration::from_secs(10);
-/// Typical field of view of an eye in most headsets.
+/// Typical field of view of an eye in a headset.
 const USUAL_FOV: Fov = Fov { left_rad: -0.8, right_rad: 0.8, up_rad: 0.8, down_rad: -0.8 };
 
 /// Result of a step.
@@ -43,7 +43,7 @@ const USUAL_FOV: Fov = Fov { left_rad: -0.8, right_rad: 0.8, up_rad: 0.8, down_r
 pub enum Step {
     /// The session currently shows nothing.
     Idle,
-    /// The runtime requested a frame and received it.
+    /// The runtime requested a frame and has received it.
     Frame(Box<HeadsetFrame>),
     /// The host wants no more frames.
     HostEnded,
@@ -95,20 +95,18 @@ pub struct Headset {
     problem: Option<String>,
     /// Display time of the last drawn frame, ns of the runtime's clock.
     last_drawn_ns: Option<i64>,
-    /// Whether a scene that cannot be drawn is an error of the step; otherwise frames are left out until it can be
-    /// drawn.
+    /// Whether a scene that cannot be drawn makes the step fail; otherwise frames are left out until the scene can be drawn.
     pub fails: bool,
     /// Whether frames are read back from the swapchain before their release: for tests, because it is slow.
     pub captures: bool,
 }
 
 impl Headset {
-    /// Finds the runtime and its headset, lets it open a device, and creates a session. The statistics continue those
-    /// of `recorder`.
+    /// Finds the runtime and its headset, has the runtime open a device, and creates a session. The statistics continue those of `recorder`.
     ///
     /// # Errors
     ///
-    /// A missing requirement, or a failed call.
+    /// A requirement is missing, or a call fails.
     pub fn connect(settings: &HeadsetSettings, recorder: Recorder) -> Result<Self, XrError> {
         let runtime = Runtime::find()?;
         // Choose the blend mode: opaque if the runtime supports it.
@@ -203,8 +201,8 @@ impl Headset {
         self.session.request_exit().during("xrRequestExitSession")
     }
 
-    /// Performs the runtime's next request: follows the states of the session and renders a frame if one is due. Blocks
-    /// while the runtime paces the frames.
+    /// Carries out the runtime's next request: follows the states of the session, and renders a frame if one is due. Blocks while the runtime paces
+    /// the frames.
     ///
     /// # Errors
     ///
@@ -214,7 +212,7 @@ impl Headset {
             return Ok(Step::Exited);
         }
         if !self.running {
-            // A frame in flight has nothing to wait for.
+            // Finish a frame in flight now, because no other frame follows it.
             self.finish(host)?;
             thread::sleep(IDLE_INTERVAL);
             return Ok(Step::Idle);
@@ -222,7 +220,7 @@ impl Headset {
         self.frame(host)
     }
 
-    /// Handles the runtime's events; returns whether the session is over.
+    /// Handles the runtime's events; returns whether the session has ended.
     fn follow_events(&mut self, host: &dyn Host) -> Result<bool, XrError> {
         let mut buffer = xr::EventDataBuffer::new();
         while let Some(event) = self.runtime.instance.poll_event(&mut buffer).during("xrPollEvent")? {
@@ -266,8 +264,7 @@ impl Headset {
         self.finish(host)?;
         let Some(shown) = host.shown() else { return Ok(()) };
         let usual = |size| Eye { size, fov: USUAL_FOV, room_from_eye: DQuat::IDENTITY, position_m: DVec3::ZERO };
-        // If the runtime already reports the fields of view, the map of glare is made for them and need not be repeated
-        // in the first frame.
+        // If the runtime already reports the fields of view, the map of glare is computed for them, and the first frame need not compute it again.
         let now = self.runtime.now()?;
         let located = now.and_then(|now| self.session.locate_views(STEREO, now, &self.space).ok());
         let located_rig = located
@@ -332,7 +329,7 @@ impl Headset {
         }
     }
 
-    /// Leaves out frames that cannot be drawn; only a lost device ends the session.
+    /// Leaves out frames that cannot be drawn. Only the loss of the device ends the session.
     fn skip_or_fail(&mut self, error: RenderError) -> Result<(), XrError> {
         if self.fails || matches!(error, RenderError::Gpu(GpuError::Lost(_))) {
             return Err(error.into());
@@ -409,7 +406,7 @@ impl Headset {
         Ok(Step::Frame(Box::new(made)))
     }
 
-    /// Returns the scene to show after the controllers have moved the camera; `None`: the host wants no more frames.
+    /// Moves the camera as the controllers command, and returns the scene to show; `None` if the host wants no more frames.
     fn shown(&mut self, host: &dyn Host, since_last_s: Option<f64>) -> Result<Option<Shown>, XrError> {
         let Some(shown) = host.shown() else { return Ok(None) };
         let controls = self.input.read(&self.session)?;
@@ -522,7 +519,7 @@ impl Stages {
         Self { last: Instant::now(), times_ms: Vec::new() }
     }
 
-    /// Ends a stage: assigns the time since the previous one to this name.
+    /// Ends a stage: assigns the time since the end of the previous stage to this name.
     fn end(&mut self, name: &'static str) {
         let now = Instant::now();
         self.times_ms.push((name, (now - self.last).as_secs_f64() * 1e3));

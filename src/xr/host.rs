@@ -14,7 +14,7 @@ use crate::{
 /// Scene that a headset shows now.
 #[derive(Clone, Debug)]
 pub struct Shown {
-    /// Scene with the newest camera, which is the room's origin in the scene.
+    /// Scene with the newest camera. The camera is the room's origin in the scene.
     pub snapshot: SceneSnapshot,
     /// Settings of the renderer.
     pub settings: RenderSettings,
@@ -27,7 +27,7 @@ pub struct Shown {
 pub struct Flight {
     /// Translation, world axes, m.
     pub translation_m: DVec3,
-    /// Rotation in world axes, applied after the camera's own: unit quaternion.
+    /// Rotation in world axes, applied after that of the camera: unit quaternion.
     pub rotation: DQuat,
 }
 
@@ -66,7 +66,7 @@ pub enum Status {
     Disconnected {
         /// Result of the last attempt.
         reason: String,
-        /// Whether it will be retried.
+        /// Whether another attempt will be made.
         retrying: bool,
     },
     /// There is a session.
@@ -94,7 +94,7 @@ pub trait Host: Send + Sync {
     /// Moves the camera.
     fn fly(&self, flight: &Flight);
 
-    /// Returns which images of the next frame are to be read back from the GPU.
+    /// Returns the images of the next frame that are to be read back from the GPU.
     fn mirror(&self) -> Wanted;
 
     /// Receives a finished frame with the images requested by [`Host::mirror`].

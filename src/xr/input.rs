@@ -16,8 +16,8 @@ struct Profile {
 const THUMBSTICKS: [&str; 2] = ["/user/hand/left/input/thumbstick", "/user/hand/right/input/thumbstick"];
 const TRACKPADS: [&str; 2] = ["/user/hand/left/input/trackpad", "/user/hand/right/input/trackpad"];
 
-/// Bindings for a controller in each hand with a trigger and a stick or pad. Left hand: direction and speed. Right
-/// hand: turn, rise and thrust.
+/// Bindings for a controller in each hand, each with a trigger and a stick or pad. The left hand controls direction and speed, the right hand turn,
+/// rise and thrust.
 const fn pair(path: &'static str, [left, right]: [&'static str; 2]) -> Profile {
     Profile {
         path,
@@ -84,7 +84,7 @@ impl Input {
         Ok(Self { set, actions })
     }
 
-    /// Returns the current state of the controllers; at rest while the session has no focus.
+    /// Returns the current state of the controllers. They are at rest while the session has no focus.
     pub(super) fn read(&self, session: &xr::Session<xr::Vulkan>) -> Result<Controls, XrError> {
         session.sync_actions(&[(&self.set).into()]).during("xrSyncActions")?;
         let none = xr::Path::NULL;

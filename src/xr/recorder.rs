@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::statistics::{Distribution, HeadsetStatistics};
 
-/// Number of frames in the distributions.
+/// Number of frames from which distributions are computed.
 const WINDOW: usize = 300;
 
 /// Times of the last frames, ms.
@@ -60,7 +60,7 @@ impl Recorder {
         self.last = None;
     }
 
-    /// Records that the session pauses: refreshes during the pause are not missed.
+    /// Records that the session pauses: refreshes during the pause do not count as missed.
     pub(super) fn pause(&mut self) {
         self.last = None;
     }
@@ -83,7 +83,7 @@ impl Recorder {
         self.counts.period_ms = period_ns as f64 * 1e-6;
         let last = self.last.replace((display_ns, wanted));
         let since_ns = last.map(|(last_ns, _)| display_ns - last_ns);
-        // A runtime may delay invisible frames, so they are not counted.
+        // A runtime may delay invisible frames, so refreshes around them are not counted.
         let is_visible = wanted && last.is_some_and(|(_, wanted)| wanted);
         if let Some(since_ns) = since_ns.filter(|_| is_visible && period_ns > 0) {
             let periods = (since_ns as f64 / period_ns as f64).round();

@@ -45,7 +45,7 @@ pub(super) struct Runtime {
 ///
 /// # Errors
 ///
-/// The missing component.
+/// Names the missing component.
 pub fn check_set_up() -> Result<(), XrError> {
     look().map(|_| ())
 }
@@ -107,7 +107,7 @@ impl Runtime {
         let newest = NEWEST_API_VERSION;
         let (major, minor) = (vk::api_version_major(newest), vk::api_version_minor(newest));
         if (u32::from(least.major()), u32::from(least.minor())) > (major, minor) {
-            let problem = format!("it needs Vulkan {least}, but frames are drawn with at most {major}.{minor}");
+            let problem = format!("it needs Vulkan {least}, but frames are drawn with Vulkan {major}.{minor} at most");
             return Err(XrError::Unsuitable { runtime: self.name.clone(), problem });
         }
         Gpu::adopt(&RuntimesDevice(self), &GpuOptions::default())

@@ -24,7 +24,7 @@ pub struct HeadsetStatistics {
     pub frames: u64,
     /// Frames rendered and submitted.
     pub rendered: u64,
-    /// Frames that the runtime did not want rendered.
+    /// Frames that the runtime did not want to be rendered.
     pub not_wanted: u64,
     /// Wanted frames that could not be drawn: see [`Status::Connected::problem`](super::Status).
     pub left_out: u64,
@@ -39,6 +39,6 @@ pub struct HeadsetStatistics {
     /// Time from the query of the pose to the expected display of the frame; `None` if the runtime's clock cannot be
     /// read.
     pub pose_age_at_display: Option<Distribution>,
-    /// Time of each stage of a frame in order, by name; the last one is the GPU's time if the adapter has timestamps.
+    /// Time of each stage of a frame with its name, in order. The last one is the GPU's time if the adapter has timestamps.
     pub stages: Vec<(&'static str, Distribution)>,
 }

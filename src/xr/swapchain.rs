@@ -13,7 +13,7 @@ use crate::{
     plan::settings::{HeadsetSettings, SwapchainFormat, SwapchainLayout},
 };
 
-/// Supported formats: as configured, in Vulkan, in the renderer.
+/// Supported formats: the configured name, the format in Vulkan, and the format in the renderer.
 const FORMATS: [(SwapchainFormat, vk::Format, wgpu::TextureFormat); 3] = [
     (SwapchainFormat::Rgba16f, vk::Format::R16G16B16A16_SFLOAT, wgpu::TextureFormat::Rgba16Float),
     (SwapchainFormat::Rgba8Srgb, vk::Format::R8G8B8A8_SRGB, wgpu::TextureFormat::Rgba8UnormSrgb),
@@ -72,7 +72,7 @@ impl Swapchains {
         settings: &HeadsetSettings,
     ) -> Result<Self, XrError> {
         let unsuitable = |problem: String| XrError::Unsuitable { runtime: runtime.name.clone(), problem };
-        // Size of each eye's image: the recommended size times the configured scale, within all limits.
+        // Compute the size of each eye's image: the recommended size times the configured scale, within all limits.
         let views = runtime.instance.enumerate_view_configuration_views(runtime.system, super::runtime::STEREO);
         let views = views.during("xrEnumerateViewConfigurationViews")?;
         let [left, right] = views.as_slice() else {

@@ -1,4 +1,4 @@
-//! Certificates of a cluster.
+//! Creates the certificates of a cluster.
 
 use std::{fs, path::Path};
 
@@ -19,12 +19,12 @@ impl Authority {
         fs::write(folder.join("ca.pem"), self.0.pem()).unwrap();
     }
 
-    /// Writes `NAME.pem` and `NAME.key` with a common name.
+    /// Writes a certificate with this common name to `NAME.pem`, and its key to `NAME.key`.
     pub fn issue(&self, folder: &Path, name: &str, common_name: &str) {
         self.issue_for(folder, name, common_name, &["127.0.0.1"]);
     }
 
-    /// The same with the addresses of the process.
+    /// Like [`Self::issue`], with the addresses of the process in the certificate.
     pub fn issue_for(&self, folder: &Path, name: &str, common_name: &str, addresses: &[&str]) {
         let addresses: Vec<String> = addresses.iter().map(|address| (*address).to_owned()).collect();
         let mut params = CertificateParams::new(addresses).unwrap();

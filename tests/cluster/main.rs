@@ -1,4 +1,4 @@
-//! Clusters of processes on this machine: a director and nodes of the built program, over Zenoh. No test asserts a time.
+//! Clusters of processes on this machine: a director and nodes of the built program, over Zenoh. Tests never assert measured times.
 #![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 
 mod certificates;

@@ -14,10 +14,10 @@ use steradian::service::{Client, proto};
 
 /// A process that does not reach a state within this time has failed.
 pub const PATIENCE: Duration = Duration::from_secs(60);
-/// Frames per second: a software driver on one core draws small views at this rate.
+/// Frames per second. A software driver on one core can draw small views at this rate.
 pub const RATE_HZ: u32 = 10;
 
-/// Writes the configuration of a cluster whose nodes draw one view each; `keys` are further lines of `[cluster]`.
+/// Writes the configuration of a cluster whose nodes draw one view each; `keys` are additional lines of `[cluster]`.
 pub fn configuration(folder: &Path, nodes: &[&str], endpoints: &[String], keys: &str) -> String {
     let endpoints = format!("{endpoints:?}");
     let mut text = format!(
@@ -45,13 +45,13 @@ pub struct Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The process may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// Copies a stream into a text until it ends.
+/// Reads a stream into a string, in a thread, until the stream ends.
 fn collect(stream: impl std::io::Read + Send + 'static) -> Arc<Mutex<String>> {
     let text = Arc::new(Mutex::new(String::new()));
     let into = Arc::clone(&text);
@@ -71,7 +71,7 @@ impl Process {
         Self::spawn_program(env!("CARGO_BIN_EXE_steradian"), folder, configuration, arguments)
     }
 
-    /// The same with another program.
+    /// Like [`Self::spawn`], with another program.
     pub fn spawn_program(program: &str, folder: &Path, configuration: &str, arguments: &[&str]) -> Self {
         let mut child = Command::new(program)
             .args(["--log", "info", "serve", "--config", configuration, "--listen", "127.0.0.1:0"])
@@ -117,7 +117,7 @@ impl Process {
         }
     }
 
-    /// Waits for a line of the log.
+    /// Waits until the log contains a text.
     pub fn wait_for_log(&self, text: &str) {
         self.wait_for(text, |process| process.log().contains(text).then_some(()));
     }

@@ -1,4 +1,4 @@
-//! Nodes that must not take part: another configuration, another certificate, another authority.
+//! Nodes that must not take part, because they have another configuration, another build, or a wrong certificate.
 
 use std::{
     fs,
@@ -34,7 +34,7 @@ async fn another_configuration_is_refused_with_the_difference() {
     director.wait_for_log("node `right` is refused: the node has another configuration");
     right.wait_for_log("the director refuses this node: the node has another configuration");
     right.stats_when("refused", |cluster| cluster.state == "refused" && !cluster.reason.is_empty()).await;
-    // With the right configuration it takes part.
+    // With the right configuration, the node takes part.
     drop(right);
     let _right = Process::node(folder, "right");
     director.all_in().await;
@@ -45,7 +45,7 @@ async fn another_version_is_refused_with_both_versions() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     configuration(folder, &NODES, &[format!("tcp/127.0.0.1:{}", free_port())], "");
-    // The same program with other bytes at its end is another build.
+    // A copy of the program with additional bytes at its end counts as another build.
     let other = folder.join("other");
     fs::copy(env!("CARGO_BIN_EXE_steradian"), &other).unwrap();
     fs::OpenOptions::new().append(true).open(&other).unwrap().write_all(b"another build").unwrap();
@@ -90,7 +90,7 @@ async fn certificates_of_the_authority_lead_and_others_are_counted_and_named() {
     let director = Process::director(folder);
     let left = Process::node(folder, "left");
     director.stats_when("left is known", |cluster| cluster.nodes[0].state == "out").await;
-    // Another node's certificate: `right` never says HELLO, and the director names the certificate.
+    // Node `right` has the certificate of another node: the director does not accept its HELLO, and names the certificate.
     own.issue(folder, "right", "left");
     let wrong = Process::node(folder, "right");
     let denied = |cluster: &proto::ClusterStats| cluster.counts["refused_certificates"] > 2;
@@ -101,7 +101,7 @@ async fn certificates_of_the_authority_lead_and_others_are_counted_and_named() {
     director.wait_for_log("a process with the certificate of `left` says that it is node `right`");
     wrong.stats_when("looking", |cluster| cluster.state == "looking").await;
     drop(wrong);
-    // A certificate of another authority: both sides say why.
+    // Node `right` has a certificate of another authority: both sides report the reason.
     foreign.issue(folder, "right", "right");
     let wrong = Process::node(folder, "right");
     let failed = |cluster: &proto::ClusterStats| cluster.counts["refused_handshakes"] > 2;
@@ -113,7 +113,7 @@ async fn certificates_of_the_authority_lead_and_others_are_counted_and_named() {
     let stats = wrong.stats_when("refused", failed).await;
     assert!(stats.state == "looking" && stats.reason.contains("UnknownCA"), "{stats:#?}");
     drop(wrong);
-    // No certificate, and no TLS.
+    // Connect without TLS, and with TLS but without a certificate.
     let before = director.stats_when("counted", |_| true).await.counts["refused_handshakes"];
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
     stream.write_all(b"not a handshake of TLS").unwrap();

@@ -1,4 +1,4 @@
-//! Shows that go on: frames, kills, restarts, a second director.
+//! A show continues although nodes and directors are killed and restarted, and when a second director starts.
 
 use std::{collections::HashMap, path::Path, process::Command};
 
@@ -16,7 +16,7 @@ fn endpoint() -> String {
     format!("tcp/127.0.0.1:{}", free_port())
 }
 
-/// Returns frames of a view by their numbers.
+/// Receives frames of a view; returns them by their numbers.
 async fn frames(client: &mut Client, view: &str, count: usize) -> HashMap<u64, ReceivedFrame> {
     let mut stream = client.stream_frames(view, Encoding::Rgba8, 0.0).await.unwrap();
     let mut all = HashMap::new();
@@ -49,7 +49,7 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     let common = seen_left.keys().filter(|number| seen_right.contains_key(number)).count();
     assert!(common >= 6, "{:?} {:?}", seen_left.keys(), seen_right.keys());
 
-    // A node's picture is byte-equal to that of one daemon that is asked for the same view; so are its light and exposure.
+    // A node's picture is byte-equal to that of a single daemon for the same view. The light and the exposure are equal too.
     let alone = Process::spawn(folder, "cluster.toml", &[]);
     for (view, seen, node) in [("of_left", &seen_left, &mut of_left), ("of_right", &seen_right, &mut of_right)] {
         let picture = alone.client().await.render_frame(view, Encoding::Rgba8).await.unwrap();
@@ -63,7 +63,7 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     }
     drop(alone);
 
-    // Changes go to the director, and arrive at the nodes.
+    // Nodes refuse changes. A change sent to the director arrives at the nodes.
     let turned = CameraUpdate { orientation: Some([0.0, 1.0, 0.0, 0.0]), ..CameraUpdate::default() };
     let refused = of_left.set_camera(&turned).await.unwrap_err().to_string();
     assert!(refused.contains(&director.address) || refused.contains("director"), "{refused}");
@@ -74,11 +74,11 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     let elsewhere = of_left.render_frame("of_right", Encoding::Rgba8).await.unwrap_err().to_string();
     assert!(elsewhere.contains("left"), "{elsewhere}");
 
-    // A killed node is left out. One of two nodes is not a majority, so the other node holds its picture.
+    // A killed node is left out. The remaining one of two nodes is not a majority, so it holds its picture.
     left.kill();
     director.stats_when("left out", |cluster| cluster.nodes[0].state == "absent").await;
     director.stats_when("without majority", |cluster| cluster.counts["skipped_quorum"] > 2).await;
-    // When it has started again, it rejoins with the scene of the director.
+    // After a restart, the node takes part again, with the scene of the director.
     let left = Process::node(folder, "left");
     let stats = director.all_in().await;
     assert!(stats.nodes.iter().all(|node| node.scene_hash == stats.scene_hash), "{stats:#?}");
@@ -96,7 +96,7 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     right.stats_when("led", |cluster| cluster.state == "led" && cluster.epoch == stats.epoch).await;
 }
 
-/// Runs `cluster check` with a waiting time in seconds; returns its output, and whether it reports that all is in order.
+/// Runs `cluster check`, which waits for at most `wait` seconds. Returns its output, and whether it reports that everything is in order.
 fn checked(folder: &Path, address: &str, wait: &str) -> (String, bool) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
     command.args(["cluster", "check", "--config", "cluster.toml", "--connect", address, "--wait", wait]);
@@ -120,7 +120,7 @@ async fn a_check_finds_an_absent_node_and_a_director_that_does_not_answer() {
         assert!(is_fine && text.contains("ok    node right: in"), "{text}");
         assert!(text.contains("clock of this machine"), "{text}");
     }
-    // No process listens there: the nodes were not queried, so the output does not say that they are in order.
+    // No process listens at the address, so no node is queried, and the output must not report nodes as in order.
     let (text, is_fine) = checked(folder, &format!("127.0.0.1:{}", free_port()), "0.5");
     assert!(!is_fine && text.contains("WRONG director at 127.0.0.1:"), "{text}");
     let (text, is_fine) = checked(folder, "unix:none.socket", "0");
@@ -156,7 +156,7 @@ async fn streams_are_black_after_hold_s_without_a_director() {
     director.all_in().await;
     let mut stream = left.client().await.stream_frames("of_left", Encoding::Rgba8, 0.0).await.unwrap();
     let is_black = |frame: &ReceivedFrame| pixels(frame).chunks(4).all(|pixel| pixel == [0, 0, 0, 255]);
-    // On a busy machine the stream may have been black before.
+    // On a busy machine the stream may begin with black frames.
     while is_black(&stream.next().await.unwrap().unwrap()) {}
     director.kill();
     let black = async { while !is_black(&stream.next().await.unwrap().unwrap()) {} };

@@ -50,7 +50,7 @@ fn table<T: DeserializeOwned>(name: &str) -> Vec<T> {
     reader.deserialize().map(Result::unwrap).collect()
 }
 
-/// A row of the table of stars, with the motion from the Bright Star Catalogue.
+/// A row of the table of stars. Their motion is from the Bright Star Catalogue.
 #[derive(Deserialize)]
 struct StarRow {
     object: String,
@@ -66,7 +66,7 @@ fn direction(longitude_deg: f64, latitude_deg: f64) -> DVec3 {
     direction_from_lon_lat(longitude_deg.to_radians(), latitude_deg.to_radians())
 }
 
-/// Seconds since 2000-01-01T12:00:00 of a time in a configuration.
+/// Converts a time in a configuration to seconds since 2000-01-01T12:00:00.
 fn time_s(text: &str) -> f64 {
     let config = Config::from_text(&format!("[scene]\ntime = {text}Z\n"), "time", std::path::Path::new("."), &[]);
     config.unwrap().scene.time_s()
@@ -90,7 +90,7 @@ impl Worst {
     }
 }
 
-/// Errors by object, with clocks changed by `changed`.
+/// Returns the errors by kind of object, with clocks that `changed` modifies.
 fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
     let places: HashMap<String, Place> = table::<PlaceRow>("places")
         .into_iter()
@@ -115,7 +115,7 @@ fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
     let mut worst: HashMap<String, Worst> = HashMap::new();
     for row in table::<Row>("apparent_places") {
         let ut1_minus_utc_s = row.ut1_utc_s.unwrap_or(0.0);
-        // The table's UTC keeps the 37 leap seconds of 2017, where ours follows a prediction from 2027 on.
+        // The UTC of the table keeps the 37 leap seconds of 2017, whereas ours follows a prediction from 2027 on.
         let of_table = row.ut1_utc_s.filter(|_| row.time.as_str() >= "2027").map(|ut1_utc_s| 69.184 - ut1_utc_s);
         let clock = changed(Clock { delta_t_s: row.delta_t_s.or(of_table), ut1_minus_utc_s });
         let standpoint = places[&row.place].standpoint(time_s(&row.time), &clock);
@@ -145,8 +145,8 @@ fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
     worst
 }
 
-/// Limits of about four times the measured errors, arcsec; stars without the deflection of light by the Sun, the Moon
-/// with terms from 0.01 arcsec up.
+/// Limits, arcsec, of about four times the measured errors. The computed stars lack the deflection of light by the Sun,
+/// and the computed Moon lacks terms below 0.01 arcsec.
 const MOST_ARCSEC: [(&str, f64); 10] = [
     ("sun", 0.15),
     ("moon", 0.8),
@@ -173,7 +173,7 @@ fn apparent_positions_match_de440() {
     }
 }
 
-/// A tenth of a second of UT1 is 1.5 arcsec of rotation, and a minute of TT is half an arcminute of the Moon.
+/// In 0.1 s of UT1 the Earth rotates by 1.5 arcsec. In a minute of TT the Moon moves by half an arcminute.
 #[test]
 fn wrong_clocks_are_detected() {
     let turned = errors(|clock| Clock { ut1_minus_utc_s: clock.ut1_minus_utc_s + 0.1, ..clock });

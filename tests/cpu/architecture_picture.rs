@@ -1,5 +1,5 @@
-//! The picture at the head of `docs/architecture.md`: crates as columns, the layers of their modules as rows, generated from the table in
-//! `layering`. `STERADIAN_WRITE_REFERENCE=1` writes it; otherwise the file must be equal.
+//! Generates the picture at the head of `docs/architecture.md` from the table in `layering`: its columns are the crates, its rows the layers of their
+//! modules. `STERADIAN_WRITE_REFERENCE=1` writes the file; otherwise the test fails if the file differs.
 
 use std::path::Path;
 
@@ -31,7 +31,7 @@ fn text(x: f64, y: f64, size: f64, content: &str) -> Text {
         .set("text-anchor", "middle")
 }
 
-/// Crates that have a module of this name.
+/// Returns the columns of the crates that have a module of this name.
 fn crates_of(module: &str) -> Vec<usize> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let has = |folder: &str| {
@@ -43,7 +43,7 @@ fn crates_of(module: &str) -> Vec<usize> {
     found
 }
 
-/// A row for each layer with modules of a crate, from the data to the program.
+/// Returns the rows: one for each layer that has modules, from the data to the program.
 fn picture(layers: &[&[&str]]) -> String {
     let mut rows: Vec<[Vec<&str>; CRATES.len()]> = Vec::new();
     for layer in layers {
@@ -79,7 +79,7 @@ fn picture(layers: &[&[&str]]) -> String {
                 .set("rx", 4)
                 .set("fill", "#ffffff")
                 .set("stroke", "#a0b0c8");
-            // Long rows have smaller letters.
+            // Long rows are set in smaller letters.
             let names = row[column].join("  ");
             let size = if names.len() > 44 { 8.0 } else { 11.0 };
             document = document.add(layer).add(text(middle, top + 16.0, size, &names));
@@ -97,7 +97,7 @@ fn the_picture_of_the_architecture_shows_the_layers() {
     }
     let found = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(found == expected, "{FILE} differs: run the test with STERADIAN_WRITE_REFERENCE=1");
-    // A moved module is noticed.
+    // The comparison must detect a moved module.
     let mut moved = LAYERS.to_vec();
     moved.swap(1, 2);
     assert_ne!(picture(&moved), expected);

@@ -1,5 +1,5 @@
-//! Common mistakes in installers' files, each recognised by its rule: six projectors of MPCDI a3 on a tilted dome,
-//! with one mistake each.
+//! Each common mistake in installers' files is recognised by its rule. The files are MPCDI a3 sets of six projectors on
+//! a tilted dome, with one mistake each.
 
 use steradian::{
     glam::{DMat3, DQuat, DVec3},
@@ -17,7 +17,7 @@ use steradian::{
 use crate::common::theatre::{Alpha, Mpcdi, centre, projectors_of};
 
 const SIZE: [u32; 2] = [240, 150];
-/// Every direction in it has light from at least two projectors.
+/// Part of the dome in which every direction has light from at least two projectors.
 const DOME: Dome = Dome { fov_deg: 164.0, tilt_deg: 0.0 };
 const ALPHA: Alpha = Alpha { bits: 16, gamma: 2.2 };
 
@@ -66,7 +66,7 @@ fn failed(report: &DomeReport) -> Vec<&'static str> {
     rules
 }
 
-/// Checks a set with one mistake: the rules that fail, and the text of all of them.
+/// Checks a set with one mistake; returns the rules that fail, and their combined text.
 fn mistake(name: &str, regions: &[Region]) -> (Vec<&'static str>, String) {
     let report = judged(regions);
     let rules = failed(&report);
@@ -77,7 +77,7 @@ fn mistake(name: &str, regions: &[Region]) -> (Vec<&'static str>, String) {
     (rules, text.join("\n"))
 }
 
-/// Asserts that the rule is among those that fail, with these words.
+/// Asserts that the rule is among those that fail, and that its text contains these words.
 #[track_caller]
 fn assert_found(name: &str, regions: &[Region], rule: &str, words: &str) {
     let (rules, text) = mistake(name, regions);
@@ -110,7 +110,7 @@ fn mistakes_in_geometry_are_recognised() {
     }
     assert_found("columns reversed", &columns, "mirrored", "columns in the wrong order");
 
-    // Without its frame the axes of the file are those of the room, in which the dome is tilted.
+    // Leave out the frame: the axes of the file are then those of the room, in which the dome is tilted.
     let room = |axes| ReadOptions { axes: Axes::Map(axes), ..ReadOptions::default() };
     assert_found("tilt left out", &regions(&bytes, &room(DMat3::IDENTITY)), "tilt", "centred 20");
     let swapped = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
@@ -122,14 +122,14 @@ fn mistakes_in_geometry_are_recognised() {
     for direction in collapsed[1].grid.samples.iter_mut().flatten() {
         *direction = (towards + 0.01 * *direction).normalize();
     }
-    assert_found("offsets read as absolute values", &collapsed, "span", "offsets read as absolute values");
+    assert_found("offsets read as absolute values", &collapsed, "span", "offsets that were read as absolute values");
 
     let eye = ReadOptions { eye_m: DVec3::new(0.0, 0.5, 4.0), ..ReadOptions::default() };
-    assert_found("another eye point", &regions(&bytes, &eye), "eye", "eye point or the origin");
-    // Millimetres without a named unit.
+    assert_found("another eye point", &regions(&bytes, &eye), "eye", "eye point or origin");
+    // Write millimetres without naming the unit.
     let unnamed = Mpcdi { per_metre: 1000.0, ..set() };
     let unnamed = regions(&unnamed.bytes(&projectors), &ReadOptions::default());
-    assert_found("millimetres read as metres", &unnamed, "unit", "unit different");
+    assert_found("millimetres read as metres", &unnamed, "unit", "a different unit");
 
     let without = |left_out: &[usize]| -> Vec<Region> {
         right()
@@ -150,7 +150,7 @@ fn mistakes_in_geometry_are_recognised() {
         ..Mpcdi { alpha: Some(ALPHA), ..Mpcdi::a3(9, 9) }
     };
     let coarse = regions(&coarse.bytes(&projectors), &ReadOptions::default());
-    assert_found("a coarse grid without splines", &coarse, "facets", "grid is coarse");
+    assert_found("a coarse grid without splines", &coarse, "facets", "grid is too coarse");
 
     let mut noisy = right();
     let mut state = 1_u32;
@@ -163,11 +163,11 @@ fn mistakes_in_geometry_are_recognised() {
     }
     assert_found("noise of the measurement", &noisy, "facets", "or noisy");
 
-    // Width and height of the raster exchanged.
+    // Exchange width and height of the raster.
     let exchanged: Vec<Region> = right().into_iter().map(|region| Region { size_px: [150, 240], ..region }).collect();
     assert_found("raster of the wrong shape", &exchanged, "raster", "is the raster 150 x 240?");
 
-    // A mesh whose fisheye is larger than assumed.
+    // Use a mesh for a larger fisheye than the options state.
     let narrow: Vec<Region> = right()
         .into_iter()
         .map(|mut region| {
@@ -197,7 +197,7 @@ fn mistakes_in_blends_are_recognised() {
     };
     assert_found("masks left out", &change(&|_, region| region.alpha = None), "blend", "no projector has a blend mask");
 
-    // With five projectors the masks differ.
+    // Use five projectors, whose masks differ, and swap two of the masks.
     let mut five = projectors.clone();
     five.remove(3);
     let mut swapped = regions(&set().bytes(&five), &ReadOptions::default());
@@ -216,7 +216,7 @@ fn mistakes_in_blends_are_recognised() {
     let inverted = change(&|_, region| masked(region, &|value| 1.0 - value));
     assert_found("masks inverted", &inverted, "blend", "sum of the shares of light");
 
-    // Black levels: more where fewer projectors reach, and the reverse.
+    // Black levels are correct if they are higher where fewer projectors overlap; the reverse is a mistake.
     let black = |inverted: bool| {
         change(&|own, region| {
             let [width, height] = [60, 40];

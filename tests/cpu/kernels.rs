@@ -11,13 +11,14 @@ use tempfile::TempDir;
 
 use crate::spk::{Segment, kernel};
 
-/// 2026-11-24T00:00:00Z, s since J2000.0; TDB is 69.184 s ahead, and civil time has no leap seconds.
+/// 2026-11-24T00:00:00Z, s since J2000.0; TDB is 69.184 s ahead of it, and this count of civil time has no leap
+/// seconds.
 const TIME: &str = "2026-11-24T00:00:00Z";
 const TIME_S: f64 = 848_750_400.0;
 const TDB_S: f64 = TIME_S + 69.184;
 
-/// Segments: a probe at Saturn, a satellite of the Earth, a comet relative to the barycentre, and one on ecliptic
-/// axes.
+/// The segments are a probe near Saturn, a satellite of the Earth, a comet relative to the barycentre, and one on
+/// ecliptic axes.
 fn probe() -> Segment {
     Segment {
         target: -82,
@@ -78,7 +79,7 @@ fn bodies_have_their_positions_in_kernels() {
         let [start_km, slope] = comet().place_km;
         close("comet", (start_km + slope * share) * 1e3);
     }
-    // After the end of the kernel the body keeps its last position relative to Saturn, which moves on.
+    // After the end of the kernel the body keeps its last position relative to Saturn, which continues to move.
     let [start_km, slope] = probe().place_km;
     let beyond = objects.at(TIME_S + 3.0 * 86_400.0);
     let expected_m = SolarBody::Saturn.barycentric_m(TDB_S + 3.0 * 86_400.0) + (start_km + slope) * 1e3;
@@ -93,7 +94,7 @@ fn an_observer_sees_a_satellite_from_their_position() {
     let standpoint = objects.observer.unwrap().standpoint(TIME_S);
     let seen_m = place_m(&objects, "geo") - objects.observer.unwrap().epoch.position_m;
     let expected_m = satellite().place_km[0] * 1e3 - standpoint.from_earth_m;
-    // Light takes 0.1 s, in which the Earth and the satellite move 4 km together; aberration is 20 arcsec.
+    // During the light time of 0.1 s, the Earth and the satellite move by 4 km together. The aberration is 20 arcsec.
     assert!((seen_m.length() - expected_m.length()).abs() < 6e3, "{seen_m} {expected_m}");
     assert!(seen_m.angle_between(expected_m) < 1.2e-4, "{seen_m} {expected_m}");
 }
@@ -151,12 +152,13 @@ fn bodies_missing_from_kernels_are_refused() {
             assert!(error.contains(part), "{error}\nlacks {part}");
         }
     }
-    // Its orientation and rotation are configured.
+    // The orientation and rotation of such a body can be configured.
     let turned = body("x", -82) + "spin = { period_s = 100 }\norientation = [0, 0, 1, 0]\n";
     assert!(config(folder.path(), "kernels = ['a.bsp']", &turned).is_ok());
 }
 
-/// The barycentre of kernels differs from that of VSOP87: the Earth, or else the Sun, aligns the two.
+/// The barycentre of kernels differs from that of VSOP87. The two are aligned by the position of the Earth in the
+/// kernels, or otherwise by that of the Sun.
 #[test]
 fn kernels_with_another_barycentre_are_aligned_with_the_theories() {
     let shift_m = DVec3::new(9e5, -8e5, 4e5);
@@ -181,7 +183,7 @@ fn kernels_with_another_barycentre_are_aligned_with_the_theories() {
         let errors_m =
             [place_m(&objects, "probe") - far_m, place_m(&objects, "own-moon") - moon_m].map(|error| error.length());
         println!("{anchor:?}: {errors_m:?} m");
-        // Without either of them the kernels are not corrected.
+        // If the kernels have neither of them, they are not corrected.
         let expected_m = if anchor.is_some() { 0.0 } else { shift_m.length() };
         assert!(errors_m.iter().all(|error_m| (error_m - expected_m).abs() < 1.0), "{anchor:?}: {errors_m:?}");
     }

@@ -1,5 +1,5 @@
-//! Proves that the modules of all crates import each other in one direction only, that of the data flow of a frame. Between crates the
-//! compiler checks it.
+//! Proves that the modules of all crates import each other in one direction only, that of the data flow of a frame. Between crates, the compiler
+//! enforces this.
 //!
 //! Every file is split into tokens (without comments, strings and characters), and every path that starts at the
 //! crate's root is followed: `crate::`, `steradian::`, `steradian_lock::`, `steradian_sky::`, `steradian_render::`, and as many `super::` as lead there, in groups as well as
@@ -51,8 +51,8 @@ pub const LAYERS: &[&[&str]] = &[
     &["main"],
 ];
 
-/// Imports between modules of one layer: (importer, imported). A scene contains the components of its views, and a
-/// headset and the service deliver data that `output` encodes.
+/// Allowed imports between modules of one layer: (importer, imported). A scene contains the components of its views; the headset and the service
+/// deliver data that `output` encodes.
 const SIBLINGS: &[(&str, &str)] = &[
     ("cache", "files"),
     ("calendar", "units"),
@@ -64,16 +64,14 @@ const SIBLINGS: &[(&str, &str)] = &[
     ("service", "windows"),
 ];
 
-/// Imports that the layers would permit but that are forbidden: a CPU twin is useless as a check if it shares code
-/// with the code under test.
+/// Imports that are forbidden although the layers would permit them: a CPU twin is useless as a check if it shares code with the code under test.
 const REFUSED: &[(&str, &str)] = &[("reference", "gpu")];
 
-/// Crates that a module must not name: (modules, crates). A name that continues with an underscore counts too
-/// (`tonic_web`).
+/// Crates that some modules must not name: (modules, crates). A name that continues with an underscore is forbidden too (`tonic_web`).
 const FOREIGN: &[(&[&str], &[&str])] =
     &[(&["photometry", "scene", "view", "theatre", "plan"], &["wgpu", "tokio", "tonic"])];
 
-/// Only `service` may name these: protobuf types belong to the wire protocol, not to the program.
+/// Crates that only `service` may name: protobuf types belong to the wire protocol, not to the program.
 const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
 
 /// Modules of `service` with generated protobuf types.
@@ -95,21 +93,21 @@ const SERVICE: &[&str] = &[
     "daemon",
 ];
 
-/// Imports between modules of `service` besides those of [`SERVICE`]: (importer, imported). The client shares plain types and
+/// Allowed imports between modules of `service` in addition to those of [`SERVICE`]: (importer, imported). The client shares plain types and
 /// conversions with the daemon, and nothing else.
 const SERVICE_PAIRS: &[(&str, &str)] = &[("client", "scene"), ("client", "wire")];
 
-/// Names of `service` itself that all its modules may import. Re-exports are for other modules.
+/// Names of `service` itself that all of its modules may import. Its re-exports are only for modules outside of `service`.
 const SERVICE_ROOT: &[&str] = &["proto", "SPANS"];
 
 /// Test modules of `service` that may import all of it.
 const SERVICE_TESTS: &[&str] = &["fuzz_tests"];
 
-/// Modules of `render` that may import techniques: the list of techniques, the module itself, and its errors, which
-/// contain theirs.
+/// Modules of `render` that may import techniques: the list of techniques, the module of errors, because it contains the errors of the techniques,
+/// and two test modules.
 const KNOW_TECHNIQUES: &[&str] = &["sequence", "error", "pass_tests", "presentation_tests"];
 
-/// Index of a module's layer.
+/// Returns the index of a module's layer.
 fn layer_of(module: &str) -> Option<usize> {
     LAYERS.iter().position(|layer| layer.contains(&module))
 }
@@ -126,8 +124,8 @@ fn may_import(importer: &str, imported: &str) -> Result<(), String> {
     }
 }
 
-/// Modules of `render` that are techniques, as the list of techniques imports them. None of them imports another one: code that several need
-/// is in the other modules.
+/// Returns the modules of `render` that are techniques: those that the list of techniques imports. No technique may import another one; code that
+/// several of them need is in the other modules of `render`.
 fn techniques() -> &'static [String] {
     static TECHNIQUES: LazyLock<Vec<String>> = LazyLock::new(|| {
         let source =
@@ -162,7 +160,7 @@ fn is_technique(module: &str) -> bool {
     techniques().iter().any(|technique| technique == module)
 }
 
-/// Violations of the order in one file. `module` is the path of its module.
+/// Returns the violations of the order in one file. `module` is the path of its module.
 fn breaches(module: &[&str], source: &str) -> Vec<String> {
     let importer = module[0];
     let tokens = tokens(source);
@@ -208,7 +206,7 @@ fn breaches(module: &[&str], source: &str) -> Vec<String> {
     found
 }
 
-/// Path of the module in a file, from its path below `src`: `render/mod.rs` contains `render`.
+/// Returns the path of the module that a file below `src` contains: `render/mod.rs` contains `render`.
 fn module_of(file: &Path) -> Vec<String> {
     let mut parts: Vec<String> =
         file.with_extension("").iter().map(|part| part.to_str().expect("names in src are UTF-8").to_owned()).collect();
@@ -242,7 +240,7 @@ fn modules_import_in_one_direction_only() {
         for file in &files {
             let module = module_of(file);
             seen.insert(module[0].clone());
-            // The root of a library only declares modules.
+            // Skip the root of a library, which only declares modules.
             if module == ["lib"] {
                 continue;
             }
@@ -262,8 +260,8 @@ fn modules_import_in_one_direction_only() {
     assert!(report.is_empty(), "imports violate the order of LAYERS:\n{}", report.join("\n"));
 }
 
-/// Stems of the techniques' files: paths below `crates/render/src/render/` without extension; `mod.rs` counts as its folder.
-/// Layouts and tests are left out.
+/// Returns the stems of the techniques' files: their paths below `crates/render/src/render/` without extension. The stem of a `mod.rs` is that of its
+/// folder. Layouts and tests are left out.
 fn stems(files: &[PathBuf]) -> Vec<String> {
     let mut stems: Vec<String> = files
         .iter()
@@ -277,7 +275,8 @@ fn stems(files: &[PathBuf]) -> Vec<String> {
     stems
 }
 
-/// Excuses in the module comments of the techniques' files, such as `//! No twin: holds buffers.` after the given label: stem and reason.
+/// Returns the excuses in the module comments of the techniques' files: stem and reason. An excuse follows the given label, for example in
+/// `//! No twin: holds buffers.`
 fn excuses(sources: &Path, stems: &[String], label: &str) -> Vec<(String, String)> {
     let line = format!("//! {label}: ");
     let of_stem = |stem: &String| {
@@ -289,8 +288,8 @@ fn excuses(sources: &Path, stems: &[String], label: &str) -> Vec<(String, String
     stems.iter().filter_map(of_stem).collect()
 }
 
-/// Stems that have neither a counterpart among `others` nor an excuse, and unnecessary excuses. A counterpart has the
-/// same path, is below it, or continues the name of the file (`map_level` for `map`).
+/// Reports stems that have neither a counterpart among `others` nor an excuse, and excuses that are unnecessary. A counterpart has the same path, is
+/// below it, or continues the name of the file (`map_level` for `map`).
 fn without_counterpart(stems: &[String], others: &[String], excuses: &[(String, String)], kind: &str) -> Vec<String> {
     let has = |stem: &str| {
         others.iter().any(|other| {
@@ -307,7 +306,7 @@ fn without_counterpart(stems: &[String], others: &[String], excuses: &[(String, 
     missing.chain(unneeded.map(|(name, _)| format!("{name} needs no excuse for {kind}"))).collect()
 }
 
-/// Paths of files with an extension below a folder, without the extension.
+/// Returns the paths, without extension, of all files below a folder that have this extension.
 fn stems_below(folder: &Path, extension: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut open = vec![folder.to_owned()];

@@ -1,4 +1,4 @@
-//! Tests without an adapter: f64 twins against closed forms, configurations, catalogues, shader sources, and the
+//! Tests that need no adapter: of f64 twins (against closed forms), configurations, catalogues, shader sources, and the
 //! order of modules.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 

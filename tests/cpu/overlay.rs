@@ -46,7 +46,7 @@ fn projections() -> Vec<(&'static str, Projection)> {
     ]
 }
 
-/// Circles of many sizes and positions, some through poles, axes and antipodes.
+/// Returns circles of many sizes and positions. Some of them pass through poles, axes and antipodes.
 fn arcs() -> Vec<SkyArc> {
     let mut arcs = Vec::new();
     for index in 0..20 {
@@ -77,7 +77,7 @@ fn distance_to_piece(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
     point.distance(from + along * part)
 }
 
-/// Points of a curve a twentieth of a pixel apart, wherever it is near the picture and continuous.
+/// Samples a curve at points that are a twentieth of a pixel apart, wherever it is continuous and near the picture.
 fn sample_densely(
     position: &dyn Fn(f64) -> Option<DVec2>,
     [a, b]: [f64; 2],
@@ -97,14 +97,14 @@ fn sample_densely(
     }
 }
 
-/// Largest distance of a point of the pieces from the curve, and of a point of the curve inside the picture from the
-/// pieces; pixels.
+/// Returns two distances, pixels: the largest distance from the curve to a point of the pieces, and the largest
+/// distance from the pieces to a point of the curve inside the picture.
 fn errors_px(projection: &Projection, arc: &SkyArc, pieces: &[[DVec2; 2]]) -> [f64; 2] {
     let mapping = projection.mapping();
     let [width, height] = mapping.size().map(f64::from);
     let steps = 20_000;
     let [from, to] = arc.angles;
-    // Corners of round pictures are outside.
+    // The corners of round pictures count as outside.
     let inside = |pixel: &DVec2| {
         let in_image = pixel.x >= 0.0 && pixel.x <= width && pixel.y >= 0.0 && pixel.y <= height;
         in_image && mapping.direction_from_pixel(*pixel).is_some()
@@ -115,7 +115,7 @@ fn errors_px(projection: &Projection, arc: &SkyArc, pieces: &[[DVec2; 2]]) -> [f
         let angles = [step, step + 1].map(|step| from + (to - from) * f64::from(step) / f64::from(steps));
         sample_densely(&position, angles, angles.map(position), 30, &mut curve);
     }
-    // Sorted into cells, so that only neighbours are compared.
+    // Sort the points into cells, so that only neighbours are compared.
     let cell = |pixel: DVec2| [(pixel.x / 8.0).floor() as i64, (pixel.y / 8.0).floor() as i64];
     let mut cells: std::collections::HashMap<[i64; 2], Vec<DVec2>> = std::collections::HashMap::new();
     // An equirectangular image wraps around at its sides.
@@ -175,7 +175,7 @@ fn pieces_follow_their_curve_in_every_projection_and_leave_no_gap() {
     }
 }
 
-/// The plan of a scene for viewports along the camera's axes.
+/// Returns the plan of a scene for viewports along the camera's axes.
 fn plan_of(objects: &SceneObjects, camera: &Camera, viewports: &[Viewport], names: &[String]) -> Arc<OverlayPlan> {
     let inputs = OverlayInputs { objects, camera, viewports, views: names };
     OverlayPlanner::default().plan(&inputs).unwrap().unwrap()
@@ -194,8 +194,8 @@ fn rig() -> (Rig, Vec<String>) {
     (rig, names)
 }
 
-/// The line of a viewport that is nearest to a pixel: its distance in pixels, and the inverse of its distance in
-/// space there.
+/// Finds the line of a viewport that is nearest to a pixel. Returns how far it is from the pixel, in pixels, and the
+/// inverse of its distance in space at that point.
 fn nearest_line(plan: &OverlayPlan, viewport: usize, pixel: DVec2) -> (f64, f64) {
     let lines = plan.items_of(viewport).iter().filter_map(|item| match item.shape {
         Shape::Line { from, to, nearness, .. } => Some((from, to, nearness)),
@@ -209,7 +209,7 @@ fn nearest_line(plan: &OverlayPlan, viewport: usize, pixel: DVec2) -> (f64, f64)
     distances.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
 }
 
-/// Pixel of a vector in world axes, if it is in the picture.
+/// Returns the pixel in which a vector in world axes appears, if it is in the picture.
 fn pixel_of(viewport: &Viewport, vector: DVec3) -> Option<DVec2> {
     let mapping = viewport.projection.mapping();
     let pixel = mapping.pixel_from_direction(viewport.world_from_view.inverse() * vector)?;
@@ -237,7 +237,7 @@ fn a_moving_camera_sees_grids_aligned_with_the_stars() {
             worst_wrong = worst_wrong.max(nearest_line(&wrong, index, pixel).0);
         }
     }
-    println!("{count} places, at most {worst} px off; without aberration {worst_wrong} px");
+    println!("{count} positions: largest error {worst} px, without aberration {worst_wrong} px");
     assert!(count > 500 && worst < 0.1 && worst_wrong > 10.0, "{count} {worst} {worst_wrong}");
 }
 
@@ -268,9 +268,9 @@ fn trajectories_have_the_position_and_distance_of_each_eye() {
             }
         }
     }
-    println!("{count} places, at most {worst_px} px off, distance off by {worst_nearness}");
+    println!("{count} positions: largest error {worst_px} px, largest relative error of the distance {worst_nearness}");
     assert!(count > 1000 && worst_px < 0.1, "{count} {worst_px}");
-    // If lines crossed, the nearest piece could belong to another one; here they do not.
+    // The lines do not cross here; if they did, the nearest piece could belong to another line.
     assert!(worst_nearness < 0.01, "{worst_nearness}");
     // The eyes have different pictures.
     let lines = |index: usize| plan.items_of(index).first().map(|item| item.shape);
@@ -299,7 +299,7 @@ fn an_equal_frame_reuses_the_plan_and_too_many_items_are_refused() {
     let other = plan(&objects, &turned, &rig.viewports(turned.world_from_camera), &names).unwrap().unwrap();
     assert!(!Arc::ptr_eq(&first, &other) && *first != *other);
     assert_eq!(plan(&objects_of(vec![]), &camera, &viewports, &names), Ok(None));
-    // Thirty spheres with eight grids of 1 degree.
+    // Too many items: thirty images of the whole sphere with eight grids of 1 degree.
     let sphere = &viewports[3];
     let many: Vec<Viewport> = vec![sphere.clone(); 30];
     let names = vec!["sphere".to_owned(); 5];
@@ -307,12 +307,13 @@ fn an_equal_frame_reuses_the_plan_and_too_many_items_are_refused() {
     assert_eq!(refused, Err(OverlayPlanError::TooMany));
 }
 
-/// A camera that looks north, level, over hills of 10 degrees in the east.
+/// A level camera that looks north, at a place with hills of 10 degrees in the east.
 const PLACE: &str = "[scene]\ntime = 2026-11-09T20:00:00Z\ncatalogues = []\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\nazimuth_deg = 0\n\
     [scene.observer.ground]\nhorizon_deg = [[0, 0], [80, 0], [85, 10], [95, 10], [100, 0]]\n\
     [[views]]\nname = 'sky'\ntype = 'equirectangular'\nsize = [720, 360]\n";
 
-/// Middles of the glyphs of a configuration's overlay, columns and rows of half a degree; azimuth 0 is in the middle.
+/// Returns the centres of the glyphs in a configuration's overlay, in columns and rows of half a degree. Azimuth 0 is
+/// in the middle of the picture.
 fn glyphs(overlay: &str) -> Vec<DVec2> {
     let config = Config::from_text(&format!("{PLACE}{overlay}"), "test.toml", Path::new("/sky"), &[]).unwrap();
     let camera = config.camera().unwrap();
@@ -343,9 +344,11 @@ fn cardinal_points_and_labels_by_azimuth_stand_above_the_ground() {
         assert!(lies(&compass, azimuth_deg, altitude_deg, 12.0), "{azimuth_deg}: {compass:?}");
         assert!(!lies(&compass, azimuth_deg, altitude_deg + 15.0, 12.0), "{azimuth_deg}");
     }
-    // Eight points of one or two letters, each with an edge, and the south on both sides of the seam.
+    // There are eight points of one or two letters, each letter with an edge; the south is drawn on both sides of the
+    // seam.
     assert!((24..=26).contains(&compass.len()), "{}", compass.len());
-    // Refraction does not lift it, because its altitude is apparent. A label is above and to the right of its position.
+    // Refraction does not raise the label, because its altitude is apparent. A label is drawn above and to the right of
+    // its position.
     let label = glyphs("[[overlay.labels]]\nname = 'N'\nazimuth_deg = 20.0\naltitude_deg = 0.0\nsize_px = 6\n");
     assert!(label.len() == 2 && lies(&label, 21.5, 1.5, 4.0), "{label:?}");
     // The azimuth labels of the grid are above the hills.
@@ -358,8 +361,8 @@ fn cardinal_points_and_labels_by_azimuth_stand_above_the_ground() {
     }
 }
 
-/// Codes at an azimuth and an altitude of [`PLACE`]'s picture with an overlay on black. The file `quarters.png` is 2 by 2 texels: red and green above blue
-/// and white.
+/// Draws an overlay on a black picture of [`PLACE`]; returns the codes at pairs of azimuth and altitude. The file
+/// `quarters.png` has 2 by 2 texels: red and green above blue and white.
 fn codes_at(overlay: &str, places: &[[f64; 2]]) -> Vec<[u8; 3]> {
     let folder = tempfile::tempdir().unwrap();
     let quarters = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]].concat();
@@ -397,7 +400,7 @@ fn pictures_have_their_place_width_and_direction() {
     let [red, green, blue, white, nothing] = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255], [0, 0, 0]];
     let picture =
         "[[overlay.pictures]]\nname = 'p'\nfile = 'quarters.png'\nwidth_deg = 40\nazimuth_deg = 0\naltitude_deg = 20\n";
-    // The middles of the texels are at a quarter of the width, on a tangent plane.
+    // The centres of the texels are a quarter of the width from the centre of the picture, on a tangent plane.
     let quarter = (0.25 * 2.0 * 20_f64.to_radians().tan()).atan().to_degrees();
     let around = |[x, y]: [f64; 2]| [x / 20_f64.to_radians().cos(), 20.0 + y];
     let places = [[-quarter, quarter], [quarter, quarter], [-quarter, -quarter], [quarter, -quarter]].map(around);
@@ -411,11 +414,12 @@ fn pictures_have_their_place_width_and_direction() {
     check(picture, &places, &[red, green, blue, white]);
     // Nothing is drawn outside of the picture and its fading edges.
     check(picture, &[[-32.0, 20.0], [32.0, 20.0], [0.0, 52.0], [0.0, -12.0]], &[nothing; 4]);
-    // The top turns to the left, on both sides of the seam, and under the zenith.
+    // A roll turns the top to the left. Pictures are drawn on both sides of the seam.
     check(&format!("{picture}roll_deg = 90\n"), &places, &[green, white, red, blue]);
     let south = picture.replace("azimuth_deg = 0", "azimuth_deg = 180");
     check(&south, &places.map(|[azimuth, altitude]| [azimuth + 180.0, altitude]), &[red, green, blue, white]);
-    // Right ascension increases to the left: the north celestial pole is up, at an altitude of 48 degrees in the north.
+    // For a picture in equatorial coordinates, the direction of the north celestial pole is up, and right ascension
+    // increases to the left. The pole is in the north at an altitude of 48 degrees.
     let config = Config::from_text(PLACE, "test.toml", Path::new("/sky"), &[]).unwrap();
     let camera = config.camera().unwrap();
     let south = camera.world_from_camera * direction_from_camera(180.0, 40.0);
@@ -426,7 +430,7 @@ fn pictures_have_their_place_width_and_direction() {
     check(&sky, &[[166.0, 49.0], [194.0, 49.0], [168.0, 31.0], [192.0, 31.0]], &[red, green, blue, white]);
     let opaque = codes_at(picture, &places[..1])[0][0];
     let faint = codes_at(&format!("{picture}opacity = 0.25\n"), &places[..1])[0][0];
-    // A quarter of the light of code 248 is code 133.
+    // Code 133 has a quarter of the light of code 248.
     assert!(opaque.abs_diff(248) < 4 && faint.abs_diff(133) < 4, "{opaque} {faint}");
     let unread = Config::from_text(&format!("{PLACE}{picture}"), "test.toml", Path::new("/sky"), &[]).unwrap();
     let problem = unread.objects().unwrap_err().to_string();
@@ -435,7 +439,7 @@ fn pictures_have_their_place_width_and_direction() {
     refused(&picture.replace("azimuth_deg = 0", "ra_deg = 0"), &["overlay.pictures[0].ra_deg", "exactly one"]);
 }
 
-/// A direction in the axes of a level camera that looks north.
+/// Returns a direction in the axes of a level camera that looks north.
 fn direction_from_camera(azimuth_deg: f64, altitude_deg: f64) -> DVec3 {
     let [azimuth, altitude] = [azimuth_deg, altitude_deg].map(f64::to_radians);
     DVec3::new(azimuth.sin() * altitude.cos(), altitude.sin(), -azimuth.cos() * altitude.cos())

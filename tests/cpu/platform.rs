@@ -1,6 +1,6 @@
-//! Proves that code which depends on the operating system is only in modules called `platform`: `cfg` predicates that name systems, modules of the
-//! standard library and of tokio for particular systems, crates for particular systems, and paths such as `/proc`. Tests and benchmarks run on Linux
-//! and are not examined.
+//! Proves that only modules called `platform` contain code that depends on the operating system. Such code is: `cfg` predicates that name systems,
+//! modules of the standard library and of tokio for particular systems, crates for particular systems, and paths such as `/proc`. Tests and
+//! benchmarks run on Linux and are not examined.
 
 use std::path::{Path, PathBuf};
 
@@ -69,7 +69,7 @@ fn dependent_code(source: &str) -> Vec<String> {
         {
             found.push(name.to_owned());
         }
-        // `std::os::unix`, `tokio::signal::unix`, also in a group.
+        // Find `std::os::unix` and `tokio::signal::unix`, even in a group.
         let is_path = tokens.get(index + 1) == Some(&Token::PathSeparator);
         if is_path && (name == "os" || (name == "signal" && ["unix", "windows"].contains(&word(index + 2)))) {
             found.push(format!("{name}::{}", word(index + 2)));
@@ -109,7 +109,7 @@ fn is_platform(file: &Path) -> bool {
     file.with_extension("").iter().any(|part| part == PLATFORM)
 }
 
-/// Examines every file; returns the violations, and the files of `platform`.
+/// Examines every file; returns the violations, and the files that belong to `platform`.
 fn examined() -> (Vec<String>, Vec<PathBuf>) {
     let (mut report, mut platform) = (Vec::new(), Vec::new());
     for folder in CRATES.iter().chain(&OTHERS) {
@@ -139,7 +139,7 @@ fn code_that_depends_on_the_system_is_in_modules_named_platform() {
     }
 }
 
-/// Names of the `pub(crate)` items of a source.
+/// Returns the names of the `pub(crate)` items of a source.
 fn interface(source: &str) -> Vec<String> {
     let tokens = tokens(source);
     let word = |index: usize| match tokens.get(index) {
@@ -152,7 +152,7 @@ fn interface(source: &str) -> Vec<String> {
     let kinds = ["async", "const", "enum", "fn", "mod", "struct"];
     let names = (0..tokens.len()).filter(|index| is_public(*index)).filter_map(|index| {
         let first = (index + 4..).find(|index| !kinds.contains(&word(*index)))?;
-        // A re-export has the name at its end.
+        // In a re-export, the name is at the end.
         let last = (first..tokens.len()).take_while(|index| tokens[*index] != Token::Other(';')).last();
         Some(if word(first) == "use" { word(last?) } else { word(first) }.to_owned())
     });

@@ -28,7 +28,7 @@ fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     (out, err)
 }
 
-/// A FITS unit: padded cards, then padded data.
+/// Returns a FITS unit: padded cards, followed by padded data.
 fn unit(cards: &[&str], data: &[u8]) -> Vec<u8> {
     let mut bytes: Vec<u8> = cards.iter().chain(&["END"]).flat_map(|card| format!("{card:<80}").into_bytes()).collect();
     bytes.resize(bytes.len().next_multiple_of(2880), b' ');
@@ -37,7 +37,7 @@ fn unit(cards: &[&str], data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A picture of 4 x 4 with the values 1 to 16 from the lower left, in the encoding of `bitpix`.
+/// Returns a picture of 4 x 4 pixels with the values 1 to 16, beginning at the lower left, in the encoding of `bitpix`.
 fn picture(bitpix: &str, extra: &[&str], encode: impl Fn(i32) -> Vec<u8>) -> Vec<u8> {
     let bitpix = format!("BITPIX  = {bitpix:>20} / bits");
     let mut cards = vec![
@@ -66,7 +66,7 @@ fn load(bytes: &[u8], pixel_arcsec: Option<f64>) -> Result<Loaded, PsfError> {
     read(&path, pixel_arcsec)
 }
 
-/// Largest difference from the picture with the values 1 to 16.
+/// Returns the largest difference from the picture with the values 1 to 16.
 fn error_of(psf: &Psf) -> f64 {
     (0..16u32)
         .map(|i| {
@@ -86,7 +86,7 @@ fn fits_of_every_encoding_is_read_the_right_way_up() {
         ("16", picture("16", &[SCALE], |v| (v as i16).to_be_bytes().to_vec())),
         ("32", picture("32", &[SCALE], ints(1))),
         ("64", picture("64", &[SCALE], |v| i64::from(v).to_be_bytes().to_vec())),
-        // Unsigned 16 bits as in FITS, and a scale.
+        // Test unsigned 16-bit values as FITS encodes them, and a scale.
         (
             "16 with BZERO",
             picture("16", &[SCALE, "BZERO   =              32768.0"], |v| ((v - 32768) as i16).to_be_bytes().to_vec()),
@@ -98,7 +98,7 @@ fn fits_of_every_encoding_is_read_the_right_way_up() {
         assert!((loaded.psf.pixel_rad / ARCSECOND_RAD - 0.25).abs() < 1e-15, "{name}");
         assert_eq!(loaded.peak_offset_px, DVec2::new(1.5, 1.5), "{name}");
     }
-    // Wrongly decoded bytes must fail.
+    // The comparison must fail for wrongly decoded bytes.
     let wrong = load(&picture("32", &[SCALE, "BZERO   =                 -0.5"], ints(1)), None).unwrap();
     assert!(error_of(&wrong.psf) > 1e-4);
 }
@@ -178,7 +178,7 @@ fn exr_keeps_every_bit_and_the_scale() {
     let mut psf = load(&picture("-32", &[], float), Some(0.123_456_789)).unwrap().psf;
     psf.rgb[3] = [psf.rgb[3][0] * 0.5, psf.rgb[3][1], psf.rgb[3][2] * 1.5];
     psf.covered = 0.875;
-    // Reading scales the sum of Y to 1, so the test does so first.
+    // Reading scales the sum of Y to 1, so scale the expected picture in the same way first.
     let total: f64 = psf.rgb.iter().map(|pixel| luminance(pixel.map(f64::from))).sum();
     psf.rgb.iter_mut().flatten().for_each(|channel| *channel = (f64::from(*channel) / total) as f32);
     let path = folder.path().join("psf.exr");

@@ -1,4 +1,4 @@
-//! Every shader, in every combination of its choices, stays within the limits that every WebGPU adapter offers. The table of
+//! Every shader, in every combination of its choices, needs no more than the limits that every WebGPU adapter supports. The table of
 //! `docs/adapters.md` is generated from this test: `STERADIAN_WRITE_REFERENCE=1` writes it, otherwise it must be equal.
 #![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
@@ -16,13 +16,13 @@ struct Used {
     storage_buffers: u32,
     uniform_buffers: u32,
     textures: u32,
-    /// Bind groups: the highest index plus one.
+    /// Number of bind groups: the highest index plus one.
     groups: u32,
     /// Memory of a workgroup.
     workgroup_bytes: u32,
     /// Size of the largest uniform buffer.
     uniform_bytes: u32,
-    /// Invocations of a workgroup. Sizes that pipelines set are 64 or less.
+    /// Invocations of a workgroup. Pipelines that set this size use at most 64.
     invocations: u32,
 }
 
@@ -47,7 +47,7 @@ impl Used {
         [storage_buffers, uniform_buffers, textures, groups, workgroup_bytes, uniform_bytes, invocations]
     }
 
-    /// Whether no value exceeds `limits`, which are raised by `more` storage buffers.
+    /// Whether no value exceeds its limit in `limits`; `more` storage buffers are allowed in addition.
     fn is_within(self, limits: Self, more: u32) -> bool {
         let limits = Self { storage_buffers: limits.storage_buffers + more, ..limits };
         self.fields().iter().zip(limits.fields()).all(|(used, limit)| *used <= limit)
@@ -88,21 +88,24 @@ fn used_by(text: &str) -> Used {
     Used::of(&module, &info)
 }
 
-/// Number of a shader's choices that are only for adapters with more storage buffers.
+/// Counts the choices of a shader that are only for adapters with more storage buffers.
 fn more_buffers(shader: &str) -> u32 {
     let choices = format!("{shader},");
     WITH_MORE_BUFFERS.iter().filter(|choice| choices.contains(*choice)).count() as u32
 }
 
-/// Resources that every entry point uses: the maximum over all variants for adapters with the default limits, and the maximum number of storage
-/// buffers over all other variants.
+/// Returns the table of the resources that each entry point uses: the maximum over all variants for adapters with the default limits, and the maximum
+/// number of storage buffers over all other variants.
 fn table() -> String {
     let mut rows: BTreeMap<String, (Used, u32)> = BTreeMap::new();
     for shader in shaders().unwrap() {
         let source = shader.resolve().unwrap();
         let used = used_by(&source.text);
         let more = more_buffers(&shader.to_string());
-        assert!(used.is_within(WEBGPU, more), "{shader}: {used:?}, of {WEBGPU:?} and {more} storage buffers");
+        assert!(
+            used.is_within(WEBGPU, more),
+            "{shader}: uses {used:?}, allowed are {WEBGPU:?} and {more} more storage buffers"
+        );
         let (least, most) = rows.entry(source.name.to_owned()).or_default();
         if more == 0 {
             let greatest = |a: u32, b: u32| a.max(b);

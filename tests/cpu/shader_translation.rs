@@ -1,4 +1,4 @@
-//! Every shader can be translated for Direct3D and Metal. Metal has no 64-bit additions, so it uses the variants without them.
+//! Every shader can be translated for Direct3D and Metal. Metal has no 64-bit atomic additions, so the variants without them are used there.
 #![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use naga::{
@@ -7,10 +7,10 @@ use naga::{
 };
 use steradian::render::{Shader, shaders};
 
-/// Value of a constant without default: the number of a workgroup's invocations, a method, a law or a switch.
+/// Value for constants that have no default: the number of a workgroup's invocations, a method, a law or a switch.
 const ANY_VALUE: f64 = 1.0;
 
-/// Parses a module that needs only the capabilities of a language, and gives its constants values.
+/// Parses a module, checks that it needs only the capabilities of a language, and sets its constants.
 fn parsed(text: &str, able: Capabilities) -> Result<(naga::Module, ModuleInfo), String> {
     let module = naga::front::wgsl::parse_str(text).map_err(|error| error.to_string())?;
     let info = Validator::new(ValidationFlags::all(), able).validate(&module).map_err(|error| format!("{error:?}"))?;
@@ -46,7 +46,7 @@ fn direct3d(text: &str, wide: bool) -> Result<String, String> {
     Ok(text)
 }
 
-/// The same shader with sums and samples in words of 32 bits.
+/// Returns the same shader with sums and samples in 32-bit words.
 fn without_64_bits(shader: &Shader) -> String {
     shader.to_string().replace("_u64", "_u32")
 }
@@ -61,8 +61,8 @@ fn every_shader_is_translated_for_metal_and_direct3d() {
         let text = direct3d(&source.text, source.needs_u64).unwrap_or_else(|error| panic!("{shader}: {error}"));
         assert!(text.contains(source.entry_point), "{shader}: no entry point");
         if source.needs_u64 {
-            assert!(metal(&source.text).is_err(), "{shader}: Metal adds in 64 bits now");
-            assert!(names.contains(&without_64_bits(shader)), "{shader}: no variant without 64-bit atomics");
+            assert!(metal(&source.text).is_err(), "{shader}: Metal now supports 64-bit additions");
+            assert!(names.contains(&without_64_bits(shader)), "{shader}: there is no variant without 64-bit atomics");
             wide += 1;
             continue;
         }
@@ -71,7 +71,7 @@ fn every_shader_is_translated_for_metal_and_direct3d() {
         for_both += 1;
     }
     println!(
-        "{for_both} variants for both; {wide} with 64-bit atomics for Direct3D alone, each with a variant for both"
+        "{for_both} variants for both; {wide} variants with 64-bit atomics only for Direct3D, each of which has a variant for both"
     );
     assert!(for_both > 100 && wide > 10);
 }

@@ -1,5 +1,5 @@
-//! Every shader is valid in every combination of its choices. Structures that Rust and WGSL share have the same layout in both and are
-//! declared in Rust alone, as shared constants are.
+//! Every shader is valid in every combination of its choices. Structures that Rust and WGSL share have the same layout in both. They are declared
+//! only in Rust, like shared constants.
 #![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,7 +16,7 @@ fn parse(name: &str, text: &str) -> naga::Module {
     naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(text)))
 }
 
-/// Every shader with its module.
+/// Returns every shader with its source.
 fn sources() -> Vec<(Shader, ShaderSource)> {
     let shaders = shaders().unwrap_or_else(|error| panic!("{error}"));
     shaders
@@ -30,7 +30,7 @@ fn sources() -> Vec<(Shader, ShaderSource)> {
 
 #[test]
 fn every_shader_is_valid() {
-    // Packing two halves into a word needs no optional feature of the adapter.
+    // Allow packing two half floats into a word: it needs no optional feature of the adapter.
     let narrow = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     let wide = narrow | Capabilities::SHADER_INT64 | Capabilities::SHADER_INT64_ATOMIC_ALL_OPS;
     let mut with_u64 = 0;
@@ -42,9 +42,12 @@ fn every_shader_is_valid() {
         assert_eq!(check(narrow).is_err(), source.needs_u64, "{shader}: `#requires u64` is missing or unnecessary");
         let entry_points: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(entry_points, [source.entry_point], "{shader}");
-        // The form for software drivers.
+        // Check the form for software drivers too.
         let text = source.for_software().text;
-        assert!(!text.contains("for (var") && !text.contains("while "), "{shader}: a loop tests at its start");
+        assert!(
+            !text.contains("for (var") && !text.contains("while "),
+            "{shader}: a loop tests its condition at its start"
+        );
         let module = parse(&shader.to_string(), &text);
         let valid = Validator::new(ValidationFlags::all(), wide).validate(&module);
         valid.unwrap_or_else(|error| panic!("{shader}, for software drivers: {error:?}"));
@@ -59,13 +62,13 @@ fn an_invalid_shader_is_detected() {
     assert!(Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).is_err());
 }
 
-/// Layout of a WGSL struct: its size, and name and offset of every field.
+/// Layout of a WGSL struct: its size, and the name and offset of every field.
 type WgslLayout = (usize, Vec<(String, usize)>);
 
-/// The layouts that naga computes for the structures in buffers.
+/// Returns the layouts that naga computes for the structures in buffers.
 fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
-    // Only structs in buffers, at any depth. Other structs, including those in workgroup memory, exist only inside a shader and have no counterpart
-    // in Rust.
+    // Collect only structs in buffers, at any depth. All other structs, including those in workgroup memory, exist only inside a shader and have no
+    // counterpart in Rust.
     let of_buffers =
         module.global_variables.iter().filter(|(_, variable)| variable.space != naga::AddressSpace::WorkGroup);
     let mut held: Vec<_> = of_buffers.map(|(_, variable)| variable.ty).collect();
@@ -92,7 +95,7 @@ fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
         .collect()
 }
 
-/// Difference between the layouts of a Rust and a WGSL struct.
+/// Describes the difference between the layouts of a Rust and a WGSL struct, if there is one.
 fn difference(rust: &StructLayout, wgsl: &WgslLayout) -> Option<String> {
     let rust_fields: Vec<(String, usize)> =
         rust.fields.iter().map(|field| (field.name.to_owned(), field.offset)).collect();
@@ -108,7 +111,7 @@ fn structures_have_the_same_fields_offsets_and_sizes() {
     for (shader, source) in sources() {
         for (name, wgsl) in wgsl_layouts(&parse(source.name, &source.text)) {
             if name == "Star" {
-                // The star is the catalogue's type, with its offsets as an array.
+                // Compare only the size of the star: it is the catalogue's type, and its offsets are an array in WGSL.
                 assert_eq!(wgsl.0, size_of::<steradian::catalogue::packed::PackedStar>());
                 continue;
             }
@@ -123,7 +126,7 @@ fn structures_have_the_same_fields_offsets_and_sizes() {
     }
 }
 
-/// The layout that naga computes for the generated WGSL of a structure without contained ones.
+/// Returns the layout that naga computes for the generated WGSL of a structure that contains no other structure.
 fn generated_layout(rust: &StructLayout) -> WgslLayout {
     let text = format!("{}@group(0) @binding(0) var<storage> variable: {};", rust.wgsl(), rust.name);
     wgsl_layouts(&parse(rust.name, &text)).remove(rust.name).unwrap()
@@ -143,7 +146,7 @@ fn missing_padding_is_found() {
     let padded =
         layout(&[("a", 0, "vec3<f32>"), ("unused_0", 12, "u32"), ("b", 16, "vec3<f32>"), ("c", 28, "f32")], 32);
     assert_eq!(difference(&padded, &generated_layout(&padded)), None);
-    // In Rust the second vector follows the first one directly, in WGSL at a multiple of 16 bytes.
+    // In Rust the second vector directly follows the first one; in WGSL it is at a multiple of 16 bytes.
     let inside = layout(&[("a", 0, "vec3<f32>"), ("b", 12, "vec3<f32>")], 24);
     assert_eq!(
         difference(&inside, &generated_layout(&inside)).unwrap(),
@@ -157,7 +160,7 @@ fn missing_padding_is_found() {
     );
 }
 
-/// Names of the structures that a file declares.
+/// Returns the names of the structures that a file declares.
 fn declared_structs(wgsl: &str) -> impl Iterator<Item = &str> {
     wgsl.lines().filter_map(|line| line.strip_prefix("struct ")?.split_whitespace().next())
 }
@@ -173,7 +176,7 @@ fn shared_structures_are_declared_in_rust_alone() {
     }
 }
 
-/// Files in a folder and its subfolders, by their paths from the crate's root.
+/// Returns the files in a folder and its subfolders, with their paths from the crate's root.
 fn files(folder: &str, extension: &str) -> BTreeMap<PathBuf, String> {
     fn walk(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap() {
@@ -194,12 +197,12 @@ fn files(folder: &str, extension: &str) -> BTreeMap<PathBuf, String> {
         .collect()
 }
 
-/// All Rust files of the crates.
+/// Returns all Rust files of the crates.
 fn rust_files() -> BTreeMap<PathBuf, String> {
     files("src", "rs").into_iter().chain(files("crates", "rs")).collect()
 }
 
-/// Names of the constants that a source declares, in Rust or in WGSL, without comments.
+/// Returns the names of the constants that a source in Rust or WGSL declares. Comments are ignored.
 fn constants(source: &str) -> BTreeSet<String> {
     let code = source.lines().filter_map(|line| line.split("//").next());
     let declared =
@@ -218,12 +221,12 @@ fn constants(source: &str) -> BTreeSet<String> {
 /// WGSL constants with the name of a Rust constant that has a different meaning.
 const OTHER_MEANING: &[(&str, &str)] = &[];
 
-/// Constants that both WGSL and Rust declare.
+/// Reports constants that both WGSL and Rust declare.
 fn declared_twice(wgsl: &BTreeSet<String>, rust: &BTreeSet<String>, excused: &[(&str, &str)]) -> Vec<String> {
     wgsl.intersection(rust).filter(|name| excused.iter().all(|(excused, _)| excused != name)).cloned().collect()
 }
 
-/// Names of all Rust constants, including those of the shared tables.
+/// Returns the names of all Rust constants, including those of the shared tables.
 fn rust_constants() -> BTreeSet<String> {
     let tables = constant_tables();
     let shared = tables.iter().flat_map(|table| table.constants.iter().map(|(name, ..)| (*name).to_owned()));
@@ -257,7 +260,7 @@ fn a_constant_that_is_declared_twice_is_detected() {
     assert!(["COLUMNS", "KIND_CUBE_FACE", "PARSEC_M", "MAX_VIEWPORTS"].iter().all(|name| rust.contains(*name)));
 }
 
-/// The files that no shader contains.
+/// Returns the files that no shader contains.
 fn unused(stems: impl IntoIterator<Item = String>, sources: &[(Shader, ShaderSource)]) -> Vec<String> {
     let used =
         |stem: &String| sources.iter().any(|(_, source)| source.text.contains(&format!("// shaders/{stem}.wgsl\n")));
@@ -289,12 +292,12 @@ fn shaders_of_rigs_without_tables_do_not_contain_table_code() {
         let name = shader.to_string();
         let wanted = name.contains("tabulated = shared/tabulated") && !name.contains("tabulated_off");
         if knows_tables(&source.text) {
-            assert!(wanted, "{shader}: reads tables, but is made without them");
+            assert!(wanted, "{shader}: reads tables, although it is made for rigs without them");
             with_tables += 1;
         }
     }
     assert!(with_tables > 20, "{with_tables}");
-    // Shaders without that choice are made without tables.
+    // A shader for which no choice about tables was made is compiled without table code.
     let resolve = || {
         Shader::new("display/resolve")
             .with("decode", "display/decode_u32")
@@ -316,7 +319,7 @@ fn a_table_has_the_same_values_in_wgsl_and_rust() {
     }
 }
 
-/// Names of shaders in a Rust source: the literal arguments of `Shader::new`.
+/// Returns the names of shaders in a Rust source: the literal arguments of `Shader::new`.
 fn named_shaders(source: &str) -> BTreeSet<String> {
     let after = source.split("Shader::new(\"").skip(1);
     after.filter_map(|text| text.split('"').next()).map(str::to_owned).collect()

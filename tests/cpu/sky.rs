@@ -38,8 +38,9 @@ fn body<'a>(objects: &'a SceneObjects, name: &str) -> &'a Body {
 
 const GREENWICH: &str = "[scene.observer]\nlatitude_deg = 51.4779\nlongitude_deg = 0.0\nheight_m = 46\n";
 
-/// Share of its light that Titan still reflects back to the Sun in the shadow of a Saturn with these radii. Traces rays from parts of Titan's disc,
-/// weighted as for a Lambert sphere, to parts of the Sun's disc, and counts those that the ellipsoid does not block.
+/// Returns the share of its light that Titan, in the shadow of a Saturn with these radii, still reflects towards the
+/// Sun. Traces rays from parts of Titan's disc, weighted as for a Lambert sphere, to parts of the Sun's disc, and adds
+/// up those that the ellipsoid does not block.
 fn light_of_titan(objects: &SceneObjects, saturn_radii_m: DVec3) -> f64 {
     let [sun, saturn, titan] = ["sun", "saturn", "titan"].map(|name| body(objects, name));
     let (side, up) = (sun.position_m - titan.position_m).normalize().any_orthonormal_pair();
@@ -78,9 +79,9 @@ fn saturn_s_flattening_leaves_light_on_titan_in_the_eclipse_of_october_2024() {
         });
         let radii_m = body(&objects, "saturn").radii_m;
         let [expected, of_sphere] = [radii_m, DVec3::splat(radii_m.x)].map(|radii_m| light_of_titan(&objects, radii_m));
-        println!("{time}: {:.3} of the light, summed {expected:.3}, behind a sphere {of_sphere:.3}", drawn / whole);
+        println!("{time}: {:.3} of the light, {expected:.3} by rays, {of_sphere:.3} behind a sphere", drawn / whole);
         assert!((drawn / whole - expected).abs() < 0.02, "{time}: {} {expected}", drawn / whole);
-        // Behind a sphere no light is left where a third is left behind Saturn.
+        // A sphere would block all of the light at a time when Saturn lets a third of it pass.
         assert_eq!(expected < 0.5 && of_sphere < 0.001, is_deep, "{time}: {expected} {of_sphere}");
     }
 }
@@ -103,15 +104,14 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
     close(camera.world_from_camera * DVec3::Y, axes * DVec3::Y);
     let west = config(&text("azimuth_deg = 270\naltitude_deg = 90\nroll_deg = 90\n")).camera().unwrap();
     close(west.world_from_camera * DVec3::NEG_Z, axes * DVec3::Y);
-    // For a view to the zenith from an orientation to the west, the top of the picture is east, and south is on the
-    // left.
+    // If a camera that faces west looks up to the zenith, the top of its picture is east, and south is on the left.
     close(west.world_from_camera * DVec3::Y, axes * DVec3::Z);
     let to_moon = (body(&objects, "moon").position_m - camera.position_m).normalize();
     for air in ["", "air.enabled = false\n"] {
         let at_moon = config(&text(&format!("look = {{ at = 'moon' }}\n{air}"))).camera().unwrap();
         let ahead = at_moon.world_from_camera * DVec3::NEG_Z;
         assert!((at_moon.world_from_camera * DVec3::X).dot(axes * DVec3::Y).abs() < 1e-12, "the camera is level");
-        // Air of 15 degrees Celsius and 1013 hPa has a refraction of 58.2 arcseconds times the tangent of the zenith
+        // In air of 15 degrees Celsius and 1013 hPa, the refraction is 58.2 arcseconds times the tangent of the zenith
         // distance.
         let lift = if air.is_empty() { (58.2 / 3600.0_f64).to_radians() } else { 0.0 };
         let altitude_rad = |towards: DVec3| towards.dot(axes * DVec3::Y).asin();
@@ -119,12 +119,13 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
         assert!((altitude_rad(ahead) - altitude_rad(to_moon) - lift).abs() < 5e-6, "{ahead} {to_moon}");
         assert!(ahead.cross(to_moon).dot(axes * DVec3::Y).abs() < 1e-12, "{ahead} {to_moon}");
     }
-    // A dome shows it 30 degrees above its front rim.
+    // A dome shows this direction 30 degrees above its front rim.
     let at_moon = config(&text("look = { at = 'moon' }\n")).camera().unwrap().world_from_camera;
     let raised = config(&text("look = { at = 'moon', above_deg = 30 }\n")).camera().unwrap().world_from_camera;
     let seen = raised.inverse() * (at_moon * DVec3::NEG_Z);
     assert!((seen - DVec3::new(0.0, 0.5, -(0.75_f64.sqrt()))).length() < 1e-12, "{seen}");
-    // Stars and constellations by name, with the aberration of 21 arcseconds at most. Sirius: Hipparcos, moved to 2026.9.
+    // Look up stars and constellations by name. The aberration is at most 21 arcseconds. The position of Sirius is from
+    // Hipparcos, moved to 2026.9.
     for (name, ra_deg, dec_deg, within_arcsec) in
         [("HR 2491", 101.2829, -16.7252, 25.0), ("sirius", 101.2829, -16.7252, 25.0), ("Ori", 83.6, 5.9, 9000.0)]
     {
@@ -170,9 +171,9 @@ fn errors_name_the_key_and_valid_values() {
             &["latitude_deg", "between -90 and 90"],
         ),
         (on("altitude_deg = 100\n"), &["scene.observer.altitude_deg", "between -90 and 90"]),
-        (on("azimuth_deg = 1\nlook = { at = 'moon' }\n"), &["scene.observer.azimuth_deg", "look is given too"]),
-        (on("look = { at = 'pluto' }\n"), &["scene.observer.look.at", "no such body", "neptune"]),
-        (on("[scene.camera]\nposition_m = [1, 2, 3]\n"), &["scene.camera", "scene.observer is given too"]),
+        (on("azimuth_deg = 1\nlook = { at = 'moon' }\n"), &["scene.observer.azimuth_deg", "look is also given"]),
+        (on("look = { at = 'pluto' }\n"), &["scene.observer.look.at", "neither a body", "neptune"]),
+        (on("[scene.camera]\nposition_m = [1, 2, 3]\n"), &["scene.camera", "scene.observer is also given"]),
         (
             "[scene.camera]\nlook = { azimuth_deg = 1, altitude_deg = 1 }\n".to_owned(),
             &["camera.look.frame", "observer"],
@@ -186,7 +187,7 @@ fn errors_name_the_key_and_valid_values() {
         ("[scene]\ntime_rate = 1e9\n".to_owned(), &["scene.time_rate", "between -320000000 and 320000000"]),
         (
             "[[bodies]]\nname = 'm'\npreset = 'mars'\nephemeris = 'mars'\nposition_m = [1, 2, 3]\n".to_owned(),
-            &["position_m", "ephemeris is given too"],
+            &["position_m", "ephemeris is also given"],
         ),
         ("[[bodies]]\nname = 'm'\nephemeris = 'pluto'\n".to_owned(), &["ephemeris", "neptune"]),
         (
@@ -214,7 +215,7 @@ struct MagnitudeRow {
     v_mag: f64,
 }
 
-/// V magnitude of a body as seen by the observer, and its phase angle, degrees.
+/// Returns the V magnitude of a body as seen by the observer, and its phase angle, degrees.
 fn magnitude_and_phase(objects: &SceneObjects, name: &str) -> (f64, f64) {
     let eye_m = objects.observer.unwrap().epoch.position_m;
     let target = body(objects, name);
@@ -223,8 +224,8 @@ fn magnitude_and_phase(objects: &SceneObjects, name: &str) -> (f64, f64) {
     (magnitude_from_illuminance_lx(light), to_sun_m.angle_between(eye_m - target.position_m).to_degrees())
 }
 
-/// Largest error of each planet's magnitude over ten phases, and for Mars the error of the mean; with `only`, for
-/// that planet alone.
+/// Returns the largest error of each planet's magnitude over ten phases, for Mars the error of the mean. With `only`,
+/// returns only the error of that planet.
 fn magnitude_errors(extra: &str, only: Option<&str>) -> Vec<(String, f64)> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/planet_magnitudes.csv");
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(file).unwrap();
@@ -252,9 +253,9 @@ fn magnitude_errors(extra: &str, only: Option<&str>) -> Vec<(String, f64)> {
 fn planets_have_their_published_magnitudes_at_ten_phases() {
     for (object, error) in magnitude_errors("", None) {
         println!("{object}: {error:.3} mag");
-        // Saturn: at tilts of the rings below about 6 degrees the globe keeps the brightness that it has alone, and the
-        // published curve with rings is fainter. Mercury: 0.070, in its thin crescent. Mars: its rotation does not
-        // cancel in ten dates.
+        // Some planets have larger errors. Saturn: if its rings are tilted by less than about 6 degrees, the globe is
+        // drawn as bright as without rings, and the published curve with rings is fainter. Mercury: 0.070 mag, as a
+        // thin crescent. Mars: ten dates are too few for the effect of its rotation to cancel.
         let most = match object.as_str() {
             "saturn" => 0.15,
             "mercury" | "mars" => 0.1,
@@ -297,12 +298,12 @@ fn the_moon_has_its_published_magnitudes_at_ten_phases() {
         println!("{phase_deg}: {error:+.3} mag");
         assert!(error.abs() < 0.1, "{phase_deg}: {error}");
     }
-    // Opposition surge: the full Moon is a third brighter than the line through other phases.
+    // The full Moon shows the opposition surge: it is a third brighter than the line through other phases.
     let full = magnitude_from_illuminance_lx(luminance(illuminance_of(&moon, DVec3::X * 3.844e8, &suns, 0.0)));
     assert!((full + 12.73 + 2.5 * 1.35_f64.log10()).abs() < 0.05, "{full}");
 }
 
-/// Time at which a quantity is 0 between two times with different signs, s.
+/// Returns the time, s, at which a quantity is 0, between two times at which it has different signs.
 fn root(mut low_s: f64, mut high_s: f64, value: impl Fn(f64) -> f64) -> f64 {
     let is_above = value(low_s) > 0.0;
     assert!(is_above != (value(high_s) > 0.0), "no sign change between them");
@@ -313,7 +314,7 @@ fn root(mut low_s: f64, mut high_s: f64, value: impl Fn(f64) -> f64) -> f64 {
     low_s
 }
 
-/// Radii of the scene's bodies, m; for the Moon k = 0.27240 of the Earth's.
+/// Returns the radius of a body in scenes, m. That of the Moon is k = 0.27240 of the Earth's.
 fn radius_m(body: SolarBody) -> f64 {
     Body::preset(body, "x", DVec3::ZERO).radii_m.x
 }
@@ -330,7 +331,7 @@ fn the_solar_eclipse_at_luxor_has_the_contacts_of_de440() {
             .map(|(position_m, body)| (radius_m(body) / position_m.length()).asin());
         sun_m.angle_between(moon_m) - if within { (moon - sun).abs() } else { moon + sun }
     };
-    // Skyfield 1.55 with DE440, the same radii (Sun 695,700 km, Moon 1737.4 km), mean limb.
+    // Computed by Skyfield 1.55 with DE440, the same radii (Sun 695,700 km, Moon 1737.4 km), and the mean limb.
     for (contact, between, expected) in [
         ("first", ["08:30", "09:00"], "08:40:19.617"),
         ("second", ["09:55", "10:05"], "10:02:05.826"),
@@ -367,7 +368,7 @@ fn the_sky_of_a_total_eclipse_has_its_measured_darkness_and_is_brightest_at_the_
     assert!((13.1..13.4).contains(&magnitude), "{magnitude}");
     let [zenith, north, east, west] = totality;
     assert!(north > 2.0 * zenith && (east / north - 1.0).abs() < 0.01 && (west / north - 1.0).abs() < 0.01);
-    // Five minutes before second contact, and long before it.
+    // Compare five minutes before second contact with a time long before it.
     let [partial, before] = [luminances("09:57:00")[0], luminances("08:00:00")[0]];
     println!("zenith 5 minutes before: {partial:.1}, before the eclipse: {before:.0} cd/m^2");
     assert!(partial > 30.0 * zenith && before > 3.0 * partial);
@@ -384,7 +385,8 @@ fn the_sky_of_a_total_eclipse_has_its_measured_darkness_and_is_brightest_at_the_
 
 #[test]
 fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
-    // The shadow of an Earth of 6378.137 km, enlarged by Danjon's hundredth of the Moon's parallax.
+    // The shadow is that of an Earth with a radius of 6378.137 km, enlarged by Danjon's rule: a hundredth of the Moon's
+    // parallax.
     let gap = |time_s: f64, sun_sign: f64, moon_sign: f64| {
         let tdb_s = Clock::default().tt_s(time_s);
         let earth_m = SolarBody::Earth.barycentric_m(tdb_s);
@@ -404,8 +406,8 @@ fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
             + sun_sign * angle(radius_m(SolarBody::Sun), sun_m);
         PI - sun_m.angle_between(moon_m) - shadow - moon_sign * angle(radius_m(SolarBody::Moon), moon_m)
     };
-    // Skyfield 1.55 with DE440, the same rule; published times (F. Espenak, EclipseWise: 15:28:25, 16:27:09,
-    // 17:30:48, 18:52:51, 19:56:31, 20:55:08) agree within 3 s.
+    // Computed by Skyfield 1.55 with DE440 and the same rule. Published times (F. Espenak, EclipseWise: 15:28:25,
+    // 16:27:09, 17:30:48, 18:52:51, 19:56:31, 20:55:08) agree within 3 s.
     for (contact, signs, between, expected) in [
         ("P1", [1.0, 1.0], ["15:10", "15:50"], "15:28:27"),
         ("U1", [-1.0, 1.0], ["16:10", "16:50"], "16:27:07"),
@@ -429,8 +431,8 @@ fn the_moon_darkens_in_the_shadow_of_the_earth() {
     let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
     let before = config(&format!("[scene]\ntime = 2025-09-07T15:00:00Z\n{place}{dome}")).objects().unwrap();
     let eye_m = before.observer.unwrap().epoch.position_m;
-    // Light of the Moon, and of its points nearest to and farthest from the shadow's axis, relative to that outside
-    // the shadow.
+    // Returns the light of the Moon, lx, and that of its points nearest to and farthest from the shadow's axis. The
+    // latter two are relative to the light outside of the shadow.
     let moonlight = |time_s: f64| {
         let objects = before.at(time_s);
         let moon = body(&objects, "moon");
@@ -454,7 +456,7 @@ fn the_moon_darkens_in_the_shadow_of_the_earth() {
         let [from_s, to_s] = between.map(|time| time_s(&format!("2025-09-07T{time}:00Z")));
         let found_s = root(from_s, to_s, |time_s| moonlight(time_s).1[end] - 2e-5);
         let error_s = found_s - time_s(&format!("2025-09-07T{expected}Z"));
-        println!("{contact} as drawn: {error_s:+.1} s");
+        println!("{contact}: the drawn contact is {error_s:+.1} s off");
         worst_s = worst_s.max(error_s.abs());
     }
     assert!(worst_s < 10.0, "{worst_s}");
@@ -482,7 +484,7 @@ fn stars_have_proper_motion_and_aberration() {
         assert!(star.distance_known);
         star.position - vantage.position_pc
     };
-    // Arcturus: 2.28 arcsec a year.
+    // Arcturus moves by 2.28 arcsec per year.
     let moved_arcsec = direction("Arcturus", 0.0).angle_between(direction("Arcturus", epoch.years)) / ARCSECOND_RAD;
     assert!((moved_arcsec / epoch.years - 2.28).abs() < 0.03, "{moved_arcsec}");
     let seen = stars.named().iter().find(|star| star.name == "Arcturus").unwrap().star.position - vantage.position_pc;
@@ -492,8 +494,8 @@ fn stars_have_proper_motion_and_aberration() {
     assert!((5.0..21.0).contains(&shift_arcsec), "{shift_arcsec}");
 }
 
-/// Faintest magnitude visible to the eye against a sky in magnitudes per square arcsecond (B. E. Schaefer, PASP 102,
-/// 212, 1990, in its common form).
+/// Returns the faintest magnitude that the eye sees against a sky of this brightness, magnitudes per square arcsecond
+/// (B. E. Schaefer, PASP 102, 212, 1990, in its common form).
 fn naked_eye_limit(sky_mag: f64) -> f64 {
     7.93 - 5.0 * (10f64.powf(4.316 - sky_mag / 5.0) + 1.0).log10()
 }
@@ -502,7 +504,7 @@ fn naked_eye_limit(sky_mag: f64) -> f64 {
 fn stars_become_visible_after_sunset() {
     let place = "[scene.observer]\nlatitude_deg = 20.0\nlongitude_deg = 0.0\n";
     let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
-    // New Moon on 2026-01-18.
+    // There was a new Moon on 2026-01-18.
     let noon = config(&format!("[scene]\ntime = 2026-01-18T12:00:00Z\n{place}{dome}")).objects().unwrap();
     let observer = noon.observer.unwrap();
     let camera_m = observer.epoch.position_m;

@@ -1,7 +1,7 @@
 //! Sets of projectors in each format, compared with directions in closed form, and the errors of invalid sets.
 //!
-//! Grids are evaluated by cubics through four samples in each direction: the errors are those of the sampling and of
-//! the numbers in the files.
+//! Grids are evaluated by cubics through four samples in each direction, so the errors come from the sampling and from the rounding of the numbers in
+//! the files.
 
 use std::path::{Path, PathBuf};
 
@@ -37,12 +37,12 @@ impl Files {
 }
 
 fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Calibration, TheatreError> {
-    // No extension: formats are recognised by their content.
+    // The file has no extension, because formats are recognised by their content.
     let files = Files::new(&[("set", bytes)]);
     read(&files.path("set"), options)
 }
 
-/// Text of the error.
+/// Reads files that must be refused; returns the text of the error.
 fn refusal(bytes: &[u8], options: &ReadOptions) -> String {
     read_bytes(bytes, options).expect_err("the set must be refused").to_string()
 }
@@ -51,7 +51,7 @@ fn sized(projector: &Projector) -> ReadOptions {
     ReadOptions { size_px: Some(projector.size_px), ..ReadOptions::default() }
 }
 
-/// Weights of the cubic through four samples at -1, 0, 1 and 2.
+/// Returns the weights of the cubic through four samples at -1, 0, 1 and 2.
 fn cubic(t: f64) -> [f64; 4] {
     [
         -t * (t - 1.0) * (t - 2.0) / 6.0,
@@ -61,7 +61,7 @@ fn cubic(t: f64) -> [f64; 4] {
     ]
 }
 
-/// The direction at a position of the raster; `None` if it is `None` at a neighbouring sample.
+/// Returns the direction at a position of the raster, or `None` if a neighbouring sample is `None`.
 fn evaluate(grid: &Grid, x: f64, y: f64) -> Option<DVec3> {
     let along = |share: f64, count: usize| {
         let position = match grid.placement {
@@ -85,7 +85,7 @@ fn evaluate(grid: &Grid, x: f64, y: f64) -> Option<DVec3> {
     Some(sum.normalize())
 }
 
-/// Centres of 1,000 pixels, the same in every run.
+/// Returns the centres of 1,000 pixels, which are the same in every run.
 fn pixels(size: [u32; 2]) -> Vec<DVec2> {
     let mut state = 0x1234_5678_9abc_def1_u64;
     let mut random = |count: u32| {
@@ -99,7 +99,7 @@ fn pixels(size: [u32; 2]) -> Vec<DVec2> {
         .collect()
 }
 
-/// Largest angle between a region's directions and the analytic ones, in pixels at the centre.
+/// Returns the largest angle between a region's directions and the analytic ones, in units of a pixel at the centre.
 fn error_px(region: &Region, projector: &Projector) -> f64 {
     let mut worst = 0.0_f64;
     for place in pixels(projector.size_px) {
@@ -109,7 +109,7 @@ fn error_px(region: &Region, projector: &Projector) -> f64 {
     worst / projector.pixel_rad()
 }
 
-/// Asserts that the error is within the bound and not far below it; otherwise the bound would prove little.
+/// Asserts that the error is within the bound, and not far below it: a bound that is too wide would prove little.
 #[track_caller]
 fn assert_error(what: &str, found: f64, most: f64) {
     println!("{what}: {found:.6} px, at most {most}");
@@ -133,7 +133,7 @@ fn the_theatre_covers_most_of_the_dome_and_its_rasters_overlap() {
     let share = |n: usize| n as f64 / f64::from(count);
     println!("covered {}, more than once {}", share(covered), share(overlapped));
     assert!(share(covered) > 0.8 && share(overlapped) > 0.4);
-    // The writers agree with the closed form.
+    // Check that the writers of the test kit agree with the closed form.
     let projector = &all[2];
     for place in pixels(projector.size_px) {
         let back = projector.place(projector.direction(place.x, place.y)).unwrap();
@@ -157,31 +157,31 @@ fn mpcdi_a3_in_a_tilted_room_has_the_analytic_directions() {
     assert_error("MPCDI a3, 65 x 65", worst, A3_PX);
     assert!(calibration.notes.iter().any(|note| note.contains("bottom row comes first, as the format specifies")));
 
-    // Rows upside down have a large error and are reported.
+    // If the rows are upside down, the error is large, and this is reported.
     let wrong = ReadOptions { rows: RowOrder::TopFirst, ..ReadOptions::default() };
     let flipped = read_bytes(&set, &wrong).unwrap();
     assert!(error_px(&flipped.regions[0], &all[0]) > 100.0);
     assert!(flipped.notes.iter().any(|note| note.contains("mirrored in 4096 of 4096")), "{:?}", flipped.notes);
-    // Another eye point has a large error too.
+    // With another eye point, the error is large too.
     let elsewhere = ReadOptions { eye_m: DVec3::new(0.0, 0.0, 0.1), ..ReadOptions::default() };
     assert!(error_px(&read_bytes(&set, &elsewhere).unwrap().regions[0], &all[0]) > 5.0);
-    // Offsets from a plane instead of points are accepted.
+    // A map of offsets from a plane instead of points is read without an error, so the directions are wrong.
     let mut offsets = Mpcdi::a3(65, 65);
     offsets.shift = DVec3::new(0.0, 0.0, -8.0);
     let offsets = read_bytes(&offsets.bytes(&all[..1]), &ReadOptions::default()).unwrap();
     assert!(error_px(&offsets.regions[0], &all[0]) > 100.0);
-    // Without its frame the room is the dome, and tilted.
+    // If the options replace the frame of the file by the axes of the room, the dome is tilted, and the error is large.
     let axes = ReadOptions { axes: Axes::parse("x=x,y=y,z=z").unwrap(), ..ReadOptions::default() };
     assert!(error_px(&read_bytes(&set, &axes).unwrap().regions[0], &all[0]) > 100.0);
 }
 
-/// Bounds of about four times the measured errors, in pixels.
+/// The bounds, in pixels, are about four times the measured errors.
 const A3_PX: f64 = 3.3e-3;
 const SL_PX: f64 = 3e-3;
 const FRUSTUM_PX: f64 = 8.5e-4;
 const PFM_PX: f64 = 3.2e-5;
 const LATTICE_PX: f64 = 7e-4;
-/// Seven decimals over a frustum of 2 x 78 degrees.
+/// This error comes from numbers of seven decimals for a frustum of 2 x 78 degrees.
 const DECIMALS_PX: f64 = 2e-3;
 const DRAWN_PX: f64 = 0.4;
 const PLAIN_PX: f64 = 7e-5;
@@ -204,14 +204,14 @@ fn mpcdi_sl_has_its_own_units_eye_and_axes() {
     region.grid.interpolation = Interpolation::Smooth;
     assert_error("MPCDI sl, 65 x 65", error_px(region, &all[3]), SL_PX);
     assert!(calibration.notes.iter().any(|note| note.contains("floorCenter")), "{:?}", calibration.notes);
-    // Read as metres, the points would be 8 km away from the eye.
+    // If they were read as metres, the points would be 8 km from the eye.
     set.warp = String::new();
     let metres = read_bytes(&set.bytes(&all), &options).unwrap();
     assert!(error_px(&metres.regions[0], &all[3]) > 100.0);
     set.warp = "<geometricUnit>unknown</geometricUnit>".into();
     assert!(refusal(&set.bytes(&all), &options).contains("unit of the points is unknown"));
 
-    // z up in the file: the map of axes converts it back.
+    // The file has z up; the option for axes converts it back.
     let projector = &all[1];
     let mut z_up = Mpcdi::new("a3", 65, 65);
     z_up.pfm.size = [65, 65];
@@ -234,7 +234,7 @@ fn mpcdi_2d_and_3d_use_the_frustum() {
         let worst = calibration.regions.iter().zip(&all).map(|(region, projector)| error_px(region, projector));
         assert_error(profile, worst.fold(0.0, f64::max), FRUSTUM_PX);
     }
-    // Offsets instead of absolute coordinates are refused.
+    // A map of offsets instead of absolute coordinates is refused.
     let set = Mpcdi::new("2d", 33, 33);
     let projector = &all[0];
     let offsets = set.pfm.bytes(|i, j| {
@@ -248,7 +248,7 @@ fn mpcdi_2d_and_3d_use_the_frustum() {
         text.contains("lie outside of 0 to 1") && text.contains("not offsets") && text.contains("p0.pfm"),
         "{text}"
     );
-    // Pixels of unknown and invalid points are dark.
+    // Pixels whose points are unknown or invalid are dark.
     let holes = set.pfm.bytes(|i, j| match (i, j) {
         (0, 0) => [f64::NAN; 3],
         (1, 0) => [0.5, 0.5, 1.0],
@@ -277,7 +277,7 @@ fn masks_and_tables_of_mpcdi_are_decoded() {
     assert!((alpha.values[32] - light(128.0)).abs() < 1e-6 && (alpha.values[32] - 128.0 / 255.0).abs() > 0.2);
     assert!(beta.values[0] == 0.0 && (beta.values[2] - light(10.0)).abs() < 1e-7);
     assert_eq!((lut.size, lut.values[1]), (2, [1.0, 1.0, 0.5]));
-    // The picture must match its description.
+    // The picture must match the options that describe it.
     let files = set.files(&all[..1]);
     let xml = String::from_utf8(files[0].1.clone()).unwrap().replace("<bitDepth>8", "<bitDepth>16");
     let mut wrong: Vec<(&str, Vec<u8>)> = files.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
@@ -317,7 +317,7 @@ fn directions_per_pixel_come_as_pfm_of_both_byte_orders_and_as_openexr() {
         assert!(error_px(&wrong.regions[0], &projector) > 50.0);
     }
     assert!(refusal(&exr(["R", "G", "A"], [4, 4], |_, _| [1.0, 0.0, 0.0]), &as_format).contains("channels"));
-    // NaN is dark; points and offsets are not directions.
+    // Pixels with NaN are dark. Points and offsets are refused, because they are not directions.
     let pfm = Pfm::of(columns, rows);
     let holed = pfm.bytes(|i, j| if i == 7 { [f64::NAN; 3] } else { value(i, j) });
     let samples = read_bytes(&holed, &as_format).unwrap().regions.remove(0).grid.samples;
@@ -338,7 +338,7 @@ fn a_paul_bourke_mesh_of_a_fisheye_has_the_analytic_directions() {
     assert_eq!((region.grid.columns, region.grid.rows, region.grid.placement), (129, 97, Placement::Corners));
     assert!(region.alpha.is_none());
     assert_error("Paul Bourke, 129 x 97", error_px(region, projector), LATTICE_PX);
-    // A wrong field of view, tilt or aspect.
+    // Read the mesh with a wrong field of view, tilt or aspect.
     let wrong = ReadOptions { fov_deg: 170.0, ..options.clone() };
     assert!(error_px(&read_bytes(text.as_bytes(), &wrong).unwrap().regions[0], projector) > 50.0);
     let wrong = ReadOptions { tilt_deg: 20.0, ..options.clone() };
@@ -348,7 +348,7 @@ fn a_paul_bourke_mesh_of_a_fisheye_has_the_analytic_directions() {
     assert!(notes.iter().any(|note| note.contains("of the raster's width")), "{notes:?}");
     assert!(refusal(text.as_bytes(), &ReadOptions::default()).contains("--size 1920x1080"));
 
-    // Intensities are a mask; cells with negative ones are not drawn.
+    // Intensities form a mask. Cells with negative intensities are not drawn.
     let shaded = bourke(projector, 33, 33, |column, _| if column == 0 { -1.0 } else { 0.5 });
     let region = read_bytes(shaded.as_bytes(), &options).unwrap().regions.remove(0);
     assert_eq!(region.grid.samples.iter().filter(|sample| sample.is_none()).count(), 33);
@@ -382,7 +382,7 @@ fn sgct_with_each_mesh_has_the_analytic_directions() {
         ("CSV", &planar, csv(129, 129, frustum).into_bytes(), DECIMALS_PX),
         ("SGC", &planar, sgc(projector, 129, 129), LATTICE_PX),
         ("PFM", &textured, pfm, LATTICE_PX),
-        // Nodes off the lattice: linear in triangles, as such meshes are drawn.
+        // If nodes are not on a lattice, the mesh is interpolated linearly in triangles, as programs draw such meshes.
         ("drawn OBJ", &textured, obj(129, 129, 0.4, frustum).into_bytes(), DRAWN_PX),
     ];
     for (name, projection, mesh, most) in cases {
@@ -394,13 +394,13 @@ fn sgct_with_each_mesh_has_the_analytic_directions() {
         assert_error(&format!("SGCT, {name}"), error_px(region, projector), most);
         let drawn = name.starts_with("drawn");
         assert_eq!(region.grid.interpolation == Interpolation::Linear, drawn, "{name}");
-        // Another projection has a large error.
+        // With another projection, the error is large.
         let turned = projection.replace(r#""tilt":0"#, r#""tilt":9"#).replace(r#""roll":0"#, r#""roll":9"#);
         std::fs::write(files.path("set.json"), sgct(projector.size_px, &turned, r#","mesh":"warp""#)).unwrap();
         let wrong = read(&files.path("set.json"), &ReadOptions::default()).unwrap();
         assert!(name == "SGC" || error_px(&wrong.regions[0], projector) > 50.0, "{name}");
     }
-    // A PFM read from the bottom is upside down.
+    // A PFM that is read from the bottom gives an upside-down picture.
     let mut pfm = Pfm::of(129, 129);
     pfm.bottom_first = true;
     let pfm = pfm.bytes(|i, j| frustum(i as f64 / 128.0, j as f64 / 128.0).extend(0.0).to_array());
@@ -416,7 +416,7 @@ fn sgct_with_each_mesh_has_the_analytic_directions() {
 #[test]
 fn sgct_without_meshes_and_its_masks() {
     let projector = &projectors()[0];
-    // A frustum by angles, and the same by corners and another eye.
+    // Give the frustum by angles, and the same frustum by corners and another position of the eye.
     let planar = sgct(
         [800, 600],
         r#"{"type":"PlanarProjection","fov":{"left":20,"right":30,"up":25,"down":15},"orientation":{"yaw":40,"pitch":10,"roll":5}}"#,
@@ -439,7 +439,7 @@ fn sgct_without_meshes_and_its_masks() {
         worst = worst.max(evaluate(&region.grid, place.x, place.y).unwrap().angle_between(expected(place.x, place.y)));
     }
     assert_error("SGCT planar", worst * 800.0, PLAIN_PX);
-    // Both masks multiply the codes.
+    // The codes are multiplied by both masks.
     assert!(region.beta.is_none());
     let alpha = region.alpha.unwrap();
     assert!((alpha.values[1] - (80f32 / 255.0).powf(4.4)).abs() < 1e-6);
@@ -504,7 +504,7 @@ fn words_and_paths_of_mpcdi_may_have_capitals_and_comments() {
                 <originOf3DData>IdealEyepoint</originOf3DData>"
         .into();
     let files = set.files(all);
-    // The frame's position is in the unit of the file too, so the directions are compared with the same set in small letters.
+    // The frame's position is in the unit of the file too, so compare the directions with those of the same set in small letters.
     let with = |change: &dyn Fn(String) -> String| {
         let mut files: Vec<(&str, Vec<u8>)> =
             files.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
@@ -515,11 +515,11 @@ fn words_and_paths_of_mpcdi_may_have_capitals_and_comments() {
         with(&|xml| xml.replace("SMOOTH", "smooth").replace(">MM<", ">mm<").replace("IdealEyepoint", "idealEyePoint"));
     let capitals = with(&|xml| xml.replace(r#"profile="a3""#, r#"profile="A3""#));
     assert_eq!(capitals.regions, plain.regions);
-    // A comment before the path once caused the warp map and the masks to be dropped.
+    // In an earlier version, a comment before the path caused the warp map and the masks to be dropped.
     let comments = with(&|xml| xml.replace("<path>", "<path><!-- p1 -->"));
     assert_eq!(comments.regions, plain.regions);
     assert!(plain.regions[0].alpha.is_some() && plain.regions[0].beta.is_some());
-    // A misspelled element is noted.
+    // A misspelled element causes a note.
     let misspelled = with(&|xml| xml.replace("alphaMap>", "alfaMap>"));
     assert!(misspelled.regions[0].alpha.is_none());
     assert!(misspelled.notes.iter().any(|note| note.contains("<alfaMap>: this element is not known")));
@@ -553,7 +553,7 @@ fn errors_of_damaged_and_contradictory_sets_name_their_position() {
         (r#"version="2.0""#, r#"version="2.0" geometry="3""#, "geometry = 3"),
         (r#"<fileSet region="p0">"#, r#"<fileSet region="p9">"#, "<fileset region=p0>: it is missing"),
         (r#"xResolution="1920""#, r#"xResolution="many""#, "must be a finite number"),
-        (r#"xsize="1""#, r#"xsize="2""#, "within 0 to 1 of its buffer"),
+        (r#"xsize="1""#, r#"xsize="2""#, "between 0 and 1 of its buffer"),
         ("<rollx>", "<rollx>1", "must be a finite number"),
         ("<yawy>-", "<yawy>", "roll x pitch = yaw"),
         ("<interpolation>smooth", "<interpolation>keystone", "is refused"),
@@ -586,7 +586,7 @@ fn errors_of_damaged_and_contradictory_sets_name_their_position() {
         let found = refusal(&with(&xml, &wrong), &options);
         assert!(found.contains(expected), "{expected}: {found}");
     }
-    // The scale has the wrong sign: the bytes of its samples are in the other order.
+    // The scale has the wrong sign: it states the byte order that the samples do not have.
     let swapped = Pfm { size: [9, 9], little_endian: false, bottom_first: true };
     let swapped = swapped.bytes(|i, j| [centre(i, 9), centre(j, 9), -2.5]);
     let wrong = [b"PF\n9 9\n-1.0\n", &swapped[swapped.len() - 9 * 9 * 12..]].concat();
@@ -595,7 +595,7 @@ fn errors_of_damaged_and_contradictory_sets_name_their_position() {
     let missing = ReadOptions { region: Some("p7".into()), ..ReadOptions::default() };
     assert!(refusal(&whole, &missing).contains("must be one of bp0/p0"));
     let other = ReadOptions { size_px: Some([640, 480]), ..ReadOptions::default() };
-    assert!(refusal(&whole, &other).contains("1920 x 1200 pixels in the file and 640 x 480"));
+    assert!(refusal(&whole, &other).contains("1920 x 1200 pixels in the file, but 640 x 480"));
     for options in [
         ReadOptions { fov_deg: 0.0, ..ReadOptions::default() },
         ReadOptions { tilt_deg: f64::NAN, ..ReadOptions::default() },
@@ -613,15 +613,15 @@ fn formats_of_closed_software_are_refused_with_the_reason() {
     let text = |name: &str| read(&files.path(name), &options).unwrap_err().to_string();
     assert!(text("warp.pol").contains("closed SDK") && text("warp.pol").contains("warp.pol"));
     assert!(text("warp.vwf").contains("MPCDI 2"));
-    assert!(text("warp.cube").contains("a lone look-up table"));
+    assert!(text("warp.cube").contains("a look-up table (.cube) by itself"));
     assert!(text("none").contains("cannot read"));
     assert!(refusal(b"nothing known", &options).contains("must be one of MPCDI"));
     assert!(refusal(b"<MPCDI/>", &options).contains(".mpcdi file"));
     assert!(matches!(read(Path::new("/dev/zero"), &options), Err(TheatreError::Read { .. })));
 }
 
-/// The set that the documents use: six projectors on a tilted dome, of 320 x 200 pixels each.
-/// `STERADIAN_WRITE_REFERENCE=1` writes it again.
+/// The set that the documents use, with six projectors of 320 x 200 pixels on a tilted dome, is up to date. `STERADIAN_WRITE_REFERENCE=1` writes it
+/// again.
 #[test]
 fn the_example_matches_the_writers() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("calibrations/six_projectors.mpcdi");

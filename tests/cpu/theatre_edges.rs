@@ -1,5 +1,5 @@
-//! The light of a raster ends at the edge of the content, pixel by pixel, as in the programs that calibrations are made for; triangle meshes adjusted
-//! by hand; fisheyes up to 360 degrees.
+//! The light of a raster ends exactly at the edge of the content, as in the programs that calibrations are made for. Also tests triangle meshes
+//! adjusted by hand, and fisheyes up to 360 degrees.
 
 use std::f64::consts::PI;
 
@@ -21,7 +21,7 @@ fn read_files(files: &[(&str, &[u8])], options: &ReadOptions) -> Result<Calibrat
     read(&folder.path().join(files[0].0), options)
 }
 
-/// The only region of an SGCT configuration with a mesh, and the notes.
+/// Reads an SGCT configuration with a mesh; returns its only region, and the notes.
 fn with_mesh(size: [u32; 2], projection: &str, mesh: &str) -> (Region, Vec<String>) {
     let json = sgct(size, projection, r#","mesh":"mesh""#);
     let mut found =
@@ -33,7 +33,7 @@ fn fisheye(fov_deg: f64) -> String {
     format!(r#"{{"type":"FisheyeProjection","fov":{fov_deg},"tilt":0}}"#)
 }
 
-/// Number of pixels that are lit although their position (0 to 1, right and up) is outside, or dark although it is inside.
+/// Counts the pixels that are lit although they should be dark, or the reverse. `is_lit` receives a position, 0 to 1 to the right and up.
 fn wrong_pixels(region: &Region, is_lit: impl Fn(DVec2) -> bool) -> usize {
     let warp = region.warp().unwrap();
     let [width, height] = region.size_px;
@@ -52,7 +52,7 @@ fn in_square(place: DVec2) -> bool {
     place.min_element() >= 0.0 && place.max_element() <= 1.0
 }
 
-/// Identity mesh of Paul Bourke for a square raster; `intensity` of a column and a row.
+/// Returns the identity mesh in Paul Bourke's format for a square raster. `intensity` receives column and row.
 fn bourke(columns: usize, rows: usize, intensity: impl Fn(usize, usize) -> f64) -> String {
     let mut text = format!("2\n{columns} {rows}\n");
     for row in 0..rows {
@@ -79,7 +79,7 @@ fn a_fisheye_behind_a_mesh_ends_at_its_circle_for_every_number_of_nodes() {
         let alone = read_files(&[("mesh", text.as_bytes())], &options).unwrap().regions.remove(0);
         assert_eq!(wrong_pixels(&alone, in_circle), 0, "{columns} x {rows}, alone");
     }
-    // The whole light of the hemisphere.
+    // The picture has all light of the hemisphere.
     let (region, _) = with_mesh([270, 270], &fisheye(180.0), &csv(17, 9, identity));
     let table = TabulatedMapping::new(region.warp().unwrap()).unwrap();
     let sum_sr = table.picture_solid_angle_sr();
@@ -94,7 +94,7 @@ fn a_flat_picture_ends_at_0_and_1() {
         let is_lit = |at: DVec2| in_square(place(at.x, 1.0 - at.y));
         assert_eq!(wrong_pixels(&region, is_lit), 0, "{beyond} {mesh:?}");
     }
-    // A mesh that is not a lattice: one node is shifted.
+    // Shift one node, so that the mesh is not a lattice.
     let place = |x: f64, y: f64| DVec2::new(x, 1.0 - y) * 1.2 - 0.1;
     let shifted = csv(17, 9, place).replacen("0.5000000;0.5000000;0.5000000", "0.5020000;0.5000000;0.5024000", 1);
     let (region, notes) = with_mesh([96, 54], PLANAR, &shifted);
@@ -103,7 +103,7 @@ fn a_flat_picture_ends_at_0_and_1() {
     assert_eq!(wrong, 0);
 }
 
-/// An MPCDI set of the profile 3d whose coordinates extend from `low` to `high`.
+/// Returns an MPCDI set of the profile 3d, with coordinates from `low` to `high`.
 fn mpcdi(low: f64, high: f64, geometry: &str) -> Vec<u8> {
     let xml = format!(
         r#"<MPCDI profile="3d" geometry="1" color="1" version="2.0"><display><buffer id="b" xResolution="96" yResolution="54">
@@ -142,23 +142,23 @@ fn nodes_marked_unlit_darken_their_cells_and_marks_outside_too() {
     let dark = |column: usize, row: usize| if column == 8 && row == 8 { -1.0 } else { 1.0 };
     let text = bourke(17, 17, dark);
     let region = read_files(&[("mesh", text.as_bytes())], &options).unwrap().regions.remove(0);
-    // Four cells of four pixels a side around the middle.
+    // The four cells around the middle, each four pixels wide and high, are dark.
     let is_lit = |at: DVec2| in_circle(at) && (at - 0.5).abs().max_element() > 4.0 / 64.0;
     assert_eq!(wrong_pixels(&region, is_lit), 0);
-    // A mark of -1 instead of coordinates in a lattice: the cells around it are dark, and other cells are not bent.
+    // A lattice may have -1 instead of coordinates as a mark. Then the cells around the mark are dark, and other cells are not distorted.
     let marked = csv(17, 9, |x, y| if x == 0.5 && y == 0.5 { DVec2::splat(-1.0) } else { DVec2::new(x, 1.0 - y) });
     let (region, notes) = with_mesh([64, 32], PLANAR, &marked);
     assert!(notes.iter().any(|note| note.contains("do not continue their neighbours")), "{notes:?}");
     let is_lit = |at: DVec2| (at.x - 0.5).abs() > 1.0 / 16.0 || (at.y - 0.5).abs() > 1.0 / 8.0;
     assert_eq!(wrong_pixels(&region, is_lit), 0);
-    // A mesh whose coordinates are pixels is refused.
+    // A mesh with coordinates in pixels is refused.
     let json = sgct([64, 32], PLANAR, r#","mesh":"mesh""#);
     let pixels = csv(17, 9, |x, y| DVec2::new(64.0 * x + 2.0, 32.0 * y + 2.0));
     let error = read_files(&[("set", json.as_bytes()), ("mesh", pixels.as_bytes())], &ReadOptions::default());
-    assert!(error.unwrap_err().to_string().contains("u and v must be 0 to 1"));
+    assert!(error.unwrap_err().to_string().contains("u and v must be between 0 and 1"));
 }
 
-/// An identity OBJ mesh whose inner nodes are moved at random by up to a share of a cell.
+/// Returns an identity OBJ mesh. Its inner nodes are moved at random by up to a share of a cell.
 fn adjusted(columns: usize, rows: usize, share: f64) -> String {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = || {
@@ -186,7 +186,7 @@ fn adjusted(columns: usize, rows: usize, share: f64) -> String {
     text
 }
 
-/// Solid angle of the frustum, from its edges.
+/// Compare with the solid angle of the frustum, computed from its edges.
 fn frustum_sr() -> f64 {
     let (x, y) = (30f64.to_radians().tan(), 20f64.to_radians().tan());
     4.0 * (x * y / (1.0 + x * x + y * y).sqrt()).atan()
@@ -222,13 +222,13 @@ fn fisheyes_of_up_to_360_degrees_are_read() {
         let expected = 4.0 * PI * (fov_deg.to_radians() / 4.0).sin().powi(2);
         let found = table.picture_solid_angle_sr() / expected - 1.0;
         assert!(found.abs() < 1e-3, "{fov_deg}: {found}");
-        // The centre is the apex, and the pixels of its directions are found.
+        // The centre of the picture is the apex, and directions lead back to their pixels.
         let middle = f64::from(side) / 2.0;
         let apex = table.lookup(DVec3::Y).unwrap();
         assert!(apex.distance(DVec2::splat(middle)) < 0.01, "{apex}");
         for angle in [0.2, 0.5, 0.9, 0.98] {
             let theta = angle * fov_deg.to_radians() / 2.0;
-            // A direction to the right of the apex is found on the right side of the picture.
+            // A direction to the right of the apex is on the right side of the picture.
             let found = table.lookup(DVec3::new(theta.sin(), theta.cos(), 0.0)).unwrap();
             let expected = DVec2::new(middle * (1.0 + angle), middle);
             assert!(found.distance(expected) < 0.05, "{fov_deg} {angle}: {found}, not {expected}");

@@ -1,4 +1,4 @@
-//! Files of theatres as programs and installers write them, compared with directions in closed form.
+//! Compares the files of theatres, as programs and installers write them, with directions in closed form.
 
 use std::io::Write as _;
 
@@ -29,15 +29,15 @@ fn sized() -> ReadOptions {
     ReadOptions { size_px: Some(SIZE), ..ReadOptions::default() }
 }
 
-/// The direction of a point of a frustum of 60 x 40 degrees, x to the right and y downwards, turned to the right by
-/// `yaw_deg` and then up by `pitch_deg`.
+/// Returns the direction of a point (x to the right, y downwards) of a frustum of 60 x 40 degrees that is turned to the right by `yaw_deg` and up by
+/// `pitch_deg`.
 fn planar(x: f64, y: f64, yaw_deg: f64, pitch_deg: f64) -> DVec3 {
     let (wide, high) = (30f64.to_radians().tan(), 20f64.to_radians().tan());
     let turn = DMat3::from_rotation_y(-yaw_deg.to_radians()) * DMat3::from_rotation_x(pitch_deg.to_radians());
     (turn * DVec3::new((2.0 * x - 1.0) * wide, (1.0 - 2.0 * y) * high, -1.0)).normalize()
 }
 
-/// Asserts that all samples of a lattice from edge to edge are those of the frustum.
+/// Asserts that all samples of a lattice, which extends from edge to edge, have the directions of the frustum.
 #[track_caller]
 fn assert_planar(region: &Region, yaw_deg: f64, pitch_deg: f64) {
     let grid = &region.grid;
@@ -112,7 +112,7 @@ fn openmesh_has_the_size_of_its_raster_and_unknown_keys_are_noted() {
     for part in ["the key FANCY is not known", "the key DO_NO_WARP is not known", "GAMMA 2.2 is not applied"] {
         assert!(notes.iter().any(|note| note.contains(part)), "{part}: {notes:?}");
     }
-    // No whole number of pixels.
+    // The size is not a whole number of pixels.
     let half = text.replacen("NATIVEXRES 96", "NATIVEXRES 96.5", 1);
     assert!(read_files(&[("p1.ol", half.as_bytes())], &without_size).is_err());
 }
@@ -158,7 +158,7 @@ fn shifts_of_simcad_move_the_points_of_the_picture() {
     };
     let json = sgct(SIZE, PLANAR, r#","mesh":"mesh""#);
     assert_planar(&one(&[("set", json.as_bytes()), ("mesh", mesh(&zeros).as_bytes())]), 0.0, 0.0);
-    // The middle column moves by a tenth of the raster to the right: the middle shows the content that was to its left.
+    // The middle column is moved to the right by a tenth of the raster, so the middle shows the content that was to its left.
     let moved = one(&[("set", json.as_bytes()), ("mesh", mesh("0 1 0 0 1 0 0 1 0").as_bytes())]);
     let middle = moved.grid.samples[(moved.grid.rows / 2) * moved.grid.columns + moved.grid.columns / 2].unwrap();
     let x = (moved.grid.columns / 2) as f64 + 0.5;
@@ -227,13 +227,13 @@ fn masks_of_sgct_multiply_the_codes() {
     let half = with(black, 128);
     let expected = (128f32 / 255.0).powf(2.2);
     assert!(half.beta.is_none() && half.alpha.unwrap().values.iter().all(|value| (value - expected).abs() < 1e-6));
-    // Masks from a system that ignores capitals.
+    // Use masks from a system whose file names ignore case.
     let files = |name: &'static str| {
         let set = json(r#","blendmask":"M.PNG","overlay":"o.png""#);
         read_files(&[("set", set.as_bytes()), (name, &grey(128))], &sized())
     };
     let set = files("m.png").unwrap();
-    for part in ["m.png, whose name has different capitals", "overlay: its picture is not imported"] {
+    for part in ["m.png, whose name differs in upper and lower case", "overlay: its picture is not imported"] {
         assert!(set.notes.iter().any(|note| note.contains(part)), "{part}: {:?}", set.notes);
     }
     assert!(set.regions[0].alpha.as_ref().unwrap().values.iter().all(|value| (value - expected).abs() < 1e-6));
@@ -251,7 +251,7 @@ fn viewports_of_sgct_for_one_eye_are_read_and_stereo_windows_say_why_not() {
     };
     let grid = |json: &str| one(&[("set", json.as_bytes())]).grid.samples;
     let origin = user(r#"{"x":0,"y":1,"z":0}"#, "");
-    // An eye is at the position of a user who is displaced sideways by half the separation.
+    // The position of an eye is that of the user, moved sideways by half the separation of the eyes.
     for (eye, x) in [("left", "-0.04"), ("Right", "0.04"), ("center", "0")] {
         let beside = user(&format!(r#"{{"x":{x},"y":1,"z":0}}"#), "");
         assert_eq!(grid(&json(eye, &origin)), grid(&json("center", &beside)), "{eye}");
@@ -262,7 +262,7 @@ fn viewports_of_sgct_for_one_eye_are_read_and_stereo_windows_say_why_not() {
 
     let refused = |json: &str| read_files(&[("set", json.as_bytes())], &sized()).unwrap_err().to_string();
     assert!(refused(&json("both", &origin)).contains("must be one of center, left and right"));
-    // SGCT turns the position of the user and not the line between the eyes.
+    // SGCT rotates the position of the user, but not the line between the eyes.
     let turned = user(r#"{"x":0,"y":1,"z":0}"#, r#","orientation":{"yaw":10,"pitch":0,"roll":0}"#);
     assert_eq!(grid(&json("left", &turned)), grid(&json("left", &origin)));
     let window = |stereo: &str| {
@@ -303,7 +303,7 @@ fn the_orientation_of_the_scene_turns_the_directions_back() {
             &format!(r#""scene":{{"orientation":{{"yaw":0,"pitch":{pitch},"roll":0}}}},"users""#),
         )
     };
-    // If the scene is turned down, the picture shows what is above.
+    // If the scene is rotated downwards, the picture shows the part of the sky above.
     assert_planar(&one(&[("set", scene(-27.0).as_bytes())]), 0.0, 27.0);
     assert_planar(&one(&[("set", scene(0.0).as_bytes())]), 0.0, 0.0);
     let yaw = scene(0.0).replace(r#""yaw":0,"pitch":0,"roll":0}},"users"#, r#""yaw":15,"pitch":0,"roll":0}},"users"#);
@@ -317,7 +317,7 @@ fn a_cropped_fisheye_fills_the_raster_with_the_rest_of_its_square() {
     let options = ReadOptions::default();
     let read = |json: &str| read_files(&[("set", json.as_bytes())], &options).map(|mut found| found.regions.remove(0));
     let region = read(&fisheye(r#","crop":{"left":0,"right":0,"bottom":0.2,"top":0.1}"#)).unwrap();
-    // SGCT's ratio of the sides: ((1 - 2 x 0.2) + (1 - 2 x 0.1)) / 2 = 0.7, so the picture has 0.7 of the raster's height.
+    // SGCT computes the ratio of the sides as ((1 - 2 x 0.2) + (1 - 2 x 0.1)) / 2 = 0.7, so the height of the picture is 0.7 of that of the raster.
     let grid = &region.grid;
     let sample =
         |x: usize, y: usize| grid.samples[y * (grid.columns - 1) / 64 * grid.columns + x * (grid.columns - 1) / 64];
@@ -354,7 +354,7 @@ fn a_fisheye_that_no_file_asks_for_is_refused() {
     assert!(read_files(&[("mesh", bourke.as_bytes())], &options).unwrap().regions[0].uses.fisheye);
 }
 
-/// A picture of directions of 2 x 2 samples.
+/// A picture of directions with 2 x 2 samples.
 fn directions() -> Vec<u8> {
     let mut bytes = b"PF\n2 2\n-1.0\n".to_vec();
     for (x, y) in [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)] {
@@ -374,7 +374,7 @@ fn options_are_refused_where_they_have_no_effect() {
     let axes = ReadOptions { axes: Axes::parse("x=x,y=z,z=-y").unwrap(), ..sized() };
     let eye = ReadOptions { eye_m: DVec3::new(0.0, 0.5, 0.0), ..sized() };
     let fisheye = ReadOptions { tilt_deg: 20.0, ..sized() };
-    // For each option, whether it has an effect.
+    // Test for each option whether it has an effect.
     for (name, bytes, effects) in [
         ("planar", sgct_planar.as_bytes(), [false, false, true, false]),
         ("fisheye of SGCT", sgct_fisheye.as_bytes(), [false; 4]),
@@ -419,7 +419,7 @@ fn the_matrix_or_orientation_of_a_user_moves_the_eye() {
     };
     let read = |user: &str| read_files(&[("set", json(user).as_bytes())], &sized()).unwrap();
     let grid = |user: &str| read(user).regions.remove(0).grid;
-    // Column by column: the last one is the shift.
+    // The matrix is stored column by column; the last column is the shift.
     let matrix = r#","matrix":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,5,1]"#;
     assert_eq!(grid(matrix), grid(r#","pos":{"x":0,"y":0,"z":5}"#));
     assert_ne!(grid(matrix), grid(""));
@@ -431,7 +431,7 @@ fn the_matrix_or_orientation_of_a_user_moves_the_eye() {
     assert!(!notes.iter().any(|note| note.contains("does not specify it")), "{notes:?}");
     let both = format!(r#","pos":{{"x":1,"y":0,"z":0}}{matrix}"#);
     assert_eq!(grid(&both), grid(r#","pos":{"x":1,"y":0,"z":5}"#));
-    // A quarter turn to the right takes the front to the right.
+    // A quarter turn to the right moves the front to the right.
     let turned = r#","pos":{"x":0,"y":0,"z":-1},"orientation":{"yaw":90,"pitch":0,"roll":0}"#;
     for (found, expected) in grid(turned).samples.iter().zip(&grid(r#","pos":{"x":1,"y":0,"z":0}"#).samples) {
         assert!(found.unwrap().abs_diff_eq(expected.unwrap(), 1e-12));
@@ -462,7 +462,7 @@ fn contradictory_fields_of_view_are_refused() {
     let fov = |more: &str| sgct(SIZE, &PLANAR.replace(r#""up":20"#, &format!(r#"{more},"up":20"#)), "");
     assert_planar(&one(&[("set", fov(r#""hfov":60"#).as_bytes())]), 0.0, 0.0);
     let error = read_files(&[("set", fov(r#""hfov":10"#).as_bytes())], &sized()).unwrap_err().to_string();
-    assert!(error.contains("left 30 and right 30 next to hfov 10"), "{error}");
+    assert!(error.contains("left 30 and right 30 in addition to hfov 10"), "{error}");
 }
 
 #[test]
@@ -490,7 +490,7 @@ fn messages_say_what_is_wrong_with_other_content() {
     let refused = |bytes: &[u8]| read_files(&[("set", bytes)], &sized()).unwrap_err().to_string();
     let in_pixels = "2\n2 2\n-1 -1 20 20 1\n1 -1 800 20 1\n-1 1 20 600 1\n1 1 800 600 1\n";
     let text = refused(in_pixels.as_bytes());
-    assert!(text.contains("[20, 20] to [800, 600]") && text.contains("u and v must be 0 to 1"), "{text}");
+    assert!(text.contains("[20, 20] to [800, 600]") && text.contains("u and v must be between 0 and 1"), "{text}");
     let json = sgct(SIZE, PLANAR, "");
     let utf16: Vec<u8> = "\u{feff}".chars().chain(json.chars()).flat_map(|c| (c as u16).to_le_bytes()).collect();
     assert!(refused(&utf16).contains("text in UTF-16; must be text in UTF-8"));
@@ -504,7 +504,7 @@ fn messages_say_what_is_wrong_with_other_content() {
     let text = refused(sgct(SIZE, &negative, "").as_bytes());
     assert!(text.contains("[-30, 30, 20, 20]") && text.contains("all four are positive"), "{text}");
     assert!(!text.contains("are negative"), "{text}");
-    assert!(refused(b"").contains("the file is empty") && refused(b" \n").contains("only blanks"));
+    assert!(refused(b"").contains("the file is empty") && refused(b" \n").contains("only white space"));
 }
 
 #[test]
@@ -545,7 +545,7 @@ fn names_in_archives_may_differ_in_separators_capitals_and_folders() {
         assert!(found.regions[0].grid.samples[0].unwrap().abs_diff_eq(expected, 1e-6), "{path}");
     }
     assert!(read_files(&[("set", &set("mpcdi.xml", "p2.pfm", "p1.pfm", false))], &ReadOptions::default()).is_err());
-    // Zeros in several samples are not positions.
+    // Zeros in several samples mean that these samples have no position.
     let found = read_files(&[("set", &set("mpcdi.xml", "p1.pfm", "p1.pfm", true))], &ReadOptions::default()).unwrap();
     assert_eq!(found.regions[0].grid.samples.iter().filter(|sample| sample.is_none()).count(), 4);
     // A frustum alone.
@@ -556,11 +556,11 @@ fn names_in_archives_may_differ_in_separators_capitals_and_folders() {
         zip.finish().unwrap().into_inner()
     };
     assert_planar(&one(&[("set", &described(""))]), 30.0, 20.0);
-    // A frustum with a <fileset> next to <files>; the elements of <files> have empty paths.
+    // The set has a frustum, and a <fileset> next to <files>; the elements of <files> have empty paths.
     let empty = r#"<files></files><fileset region="r"><geometryWarpFile><path></path></geometryWarpFile><alphaMap>
         <gammaEmbedded>1.0</gammaEmbedded><path></path></alphaMap><distortionMap><path></path></distortionMap></fileset>"#;
     assert_planar(&one(&[("set", &described(empty))]), 30.0, 20.0);
-    // A lens that is not planar: no frustum describes it.
+    // The lens is not planar, so no frustum describes it.
     let lens = |region: &str| {
         described(&format!(
             r#"<extensionSet><extension Name="BufferExtension"><buffer id="b"><region id="{region}"><fisheye>

@@ -4,10 +4,10 @@
 //! only that process. The process limits its address space, and a watchdog thread limits the time of each input. The
 //! input that was being read when the process ended is kept as `target/fuzz/NAME-HASH`.
 //!
-//! There is no coverage feedback, which needs a special compiler. The answer (the text of an error without its
-//! numbers and names) replaces it: an input with a new answer is kept and mutated further, so that parsers are
-//! entered step by step. Random numbers have a fixed seed: a run reads the same inputs as the previous one, as far as
-//! its time allows.
+//! Coverage feedback would need a special compiler. The driver uses the answer of the parser instead, which is the text
+//! of the error without its numbers and names: an input with a new answer is kept and mutated further, so that parsers
+//! are entered step by step. Random numbers have a fixed seed, so every run reads the same inputs, as far as its time
+//! allows.
 
 use std::{
     collections::HashSet,
@@ -27,7 +27,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::process::{Resource, Rlimit, setrlimit};
 
-/// Longest time for one input: several times that of the slowest on a busy machine.
+/// Longest time for one input: several times the time of the slowest input on a busy machine.
 const MOST_PER_INPUT: Duration = Duration::from_secs(20);
 /// Number of inputs of a short run.
 const FEW: u64 = 3000;
@@ -37,7 +37,7 @@ const SECONDS: u64 = 60;
 const LONGEST: usize = 1 << 18;
 /// Largest number of inputs that are kept because their answers were new.
 const MOST_KEPT: usize = 1000;
-/// Name of the input that is being read, in the folder of temporary files of that process.
+/// Name of the file with the input that is being read, in the temporary folder of the reading process.
 const RUNNING: &str = "input";
 /// Environment variable that marks the process that reads the inputs.
 const READS: &str = "STERADIAN_FUZZ_READS";
@@ -63,14 +63,14 @@ pub struct Target {
 pub enum Run {
     /// A fixed number of inputs.
     Short,
-    /// As many as time allows.
+    /// As many inputs as time allows.
     Long,
 }
 
 /// Leaves an input unchanged.
 pub fn as_it_is(_: &mut Vec<u8>) {}
 
-/// Reads mutated inputs. `test` is the path of the calling test in its binary, from `module_path!()`.
+/// Reads mutated inputs. `test` is the path of the calling test, as given by `module_path!()`.
 ///
 /// # Panics
 /// If an input makes the parser panic, abort, or use too much memory or time.
@@ -79,16 +79,16 @@ pub fn check(target: &Target, run: Run, test: &str) {
     if env::var_os(READS).is_some() {
         return read_all(target, run);
     }
-    // The first part is the crate's name, which test names do not contain.
+    // Remove the crate's name at the start, which test names do not contain.
     let test = test.split_once("::").map_or(test, |(_, test)| test);
-    // In memory if possible: files on a disk take longer to write than to read.
+    // Use a folder in memory if possible, because writing a file to a disk takes longer than parsing it.
     let scratch = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     let child = Command::new(env::current_exe().unwrap())
         .args([test, "--exact", "--include-ignored", "--nocapture", "--test-threads=1"])
         .env(READS, "1")
         // Files that the entry points write are removed with this folder.
         .env("TMPDIR", scratch.path())
-        // Otherwise every thread reserves a separate address space, which is limited.
+        // Use one arena: otherwise every thread would reserve separate address space, which is limited.
         .env("MALLOC_ARENA_MAX", "1")
         .env("RUST_BACKTRACE", "0")
         .stdin(Stdio::null())
@@ -119,10 +119,10 @@ pub fn check(target: &Target, run: Run, test: &str) {
     );
 }
 
-/// Start of the last line of a run.
+/// Start of the summary, which is the last line of a run.
 const SUMMARY: &str = "fuzzing ";
 
-/// `target/fuzz`, next to the folder of this binary's profile.
+/// Creates `target/fuzz`, next to the folder of this binary's profile.
 fn folder() -> PathBuf {
     let binary = env::current_exe().unwrap();
     let folder = binary.ancestors().nth(3).unwrap().join("fuzz");
@@ -136,7 +136,7 @@ fn hash(bytes: &[u8]) -> u64 {
     hasher.finish()
 }
 
-/// Hash of an answer without the parts that differ from input to input: numbers and quoted text.
+/// Returns the hash of an answer without numbers and quoted text, which differ from input to input.
 fn kind_of(answer: &str) -> u64 {
     let mut kind = String::new();
     let mut quoted = None;
@@ -163,7 +163,7 @@ fn read_all(target: &Target, run: Run) {
 
     let running = env::temp_dir().join(RUNNING);
     let begin = Instant::now();
-    // Time at which the current input was started, in milliseconds since the beginning; 0: none.
+    // Start time of the current input, in milliseconds since the beginning; 0 if none is being read.
     let since = Arc::new(AtomicU64::new(0));
     watch(begin, Arc::clone(&since));
     let mut random = ChaCha8Rng::seed_from_u64(hash(target.name.as_bytes()));
@@ -178,7 +178,7 @@ fn read_all(target: &Target, run: Run) {
             Some(seed) => seed.clone(),
             None => {
                 let mut input = mutated(&mut random, &corpus, seeds, target.tokens);
-                // A quarter stays damaged.
+                // Leave a quarter of the inputs damaged.
                 if random.random_ratio(3, 4) {
                     (target.repair)(&mut input);
                 }
@@ -210,10 +210,10 @@ fn read_all(target: &Target, run: Run) {
     );
 }
 
-/// Limits the further address space of this process: an allocation beyond it ends the process.
+/// Limits how much more address space this process can use: an allocation beyond the limit ends the process.
 fn limit_memory(most_bytes: u64) {
     let pages: u64 = fs::read_to_string("/proc/self/statm").unwrap().split(' ').next().unwrap().parse().unwrap();
-    // Stacks of threads that start later are reserved and hardly used.
+    // Add space for the stacks of threads that start later, which are reserved but hardly used.
     let of_threads = 256 << 20;
     let most = Some(pages * 4096 + of_threads + most_bytes);
     setrlimit(Resource::As, Rlimit { current: most, maximum: most }).unwrap();
@@ -280,7 +280,7 @@ const NUMBERS: [&str; 22] = [
     "99999999999999999999999999",
 ];
 
-/// An input of the corpus with a few changes. Half of the time it is a seed.
+/// Returns an input of the corpus with a few changes. Half of the time this input is a seed.
 fn mutated(random: &mut ChaCha8Rng, corpus: &[Vec<u8>], seeds: usize, tokens: &[&str]) -> Vec<u8> {
     let among = if random.random() { seeds } else { corpus.len() };
     let mut input = corpus[random.random_range(0..among)].clone();
@@ -291,7 +291,7 @@ fn mutated(random: &mut ChaCha8Rng, corpus: &[Vec<u8>], seeds: usize, tokens: &[
     input
 }
 
-/// A random range of at most `most` bytes of an input.
+/// Returns a random range of at most `most` bytes of an input.
 fn range(random: &mut ChaCha8Rng, length: usize, most: usize) -> std::ops::Range<usize> {
     let start = random.random_range(0..=length);
     start..random.random_range(start..=length.min(start + most))
@@ -307,7 +307,7 @@ fn change(random: &mut ChaCha8Rng, input: &mut Vec<u8>, corpus: &[Vec<u8>], toke
     match random.random_range(0..13) {
         0 if place < length => input[place] ^= 1 << random.random_range(0..8),
         1 if place < length => input[place] = random.random(),
-        // Change an integer in binary, of either byte order.
+        // Overwrite bytes with an integer in either byte order.
         2 | 3 => {
             let size = 1usize << random.random_range(0..4);
             let value = INTEGERS[random.random_range(0..INTEGERS.len())];
@@ -330,7 +330,7 @@ fn change(random: &mut ChaCha8Rng, input: &mut Vec<u8>, corpus: &[Vec<u8>], toke
                 *to = from;
             }
         }
-        // Change the next number in text.
+        // Replace the next number in the text.
         6 | 7 => {
             let is_digit = |byte: &u8| byte.is_ascii_digit();
             if let Some(start) = input[place..].iter().position(is_digit).map(|offset| place + offset) {
@@ -344,7 +344,7 @@ fn change(random: &mut ChaCha8Rng, input: &mut Vec<u8>, corpus: &[Vec<u8>], toke
             let part = range(random, length, 64);
             input.drain(part);
         }
-        // Repeat a part, here or elsewhere, once or many times.
+        // Insert a copy of a part, here or elsewhere, once or many times.
         9 => {
             let part = input[range(random, length, 200)].to_vec();
             let times = if random.random_ratio(1, 8) { random.random_range(2..200) } else { 1 };

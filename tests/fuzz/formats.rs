@@ -1,5 +1,5 @@
-//! Builds files of several formats, and repairs their checksums and lengths after a mutation, so that the code behind
-//! these checks is reached.
+//! Builds files of several formats, and repairs their checksums and lengths after a mutation, so that inputs pass these
+//! checks and reach the code behind them.
 
 use steradian::catalogue::deep::index::root_of;
 
@@ -14,7 +14,7 @@ fn number(bytes: &[u8], offset: usize) -> Option<u64> {
     Some(u64::from_le_bytes(bytes.get(offset..offset + 8)?.try_into().ok()?))
 }
 
-/// Repairs a star store: the lengths in its header, and the CRC-32 from the version on.
+/// Repairs a star store: the lengths in its header, and the CRC-32 of everything from the version number on.
 pub fn repair_store(bytes: &mut Vec<u8>) {
     let length = || {
         let [chunks, stars, text] = [number(bytes, 16)?, number(bytes, 24)?, number(bytes, 32)?];
@@ -104,8 +104,8 @@ pub fn fits_unit(cards: &[&str], data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Stores the entries of a ZIP again, taken from their own headers, with correct lengths and CRC-32; PNGs inside are
-/// repaired too.
+/// Rebuilds a ZIP from the entries that its local headers describe, with correct lengths and CRC-32. Also repairs the
+/// PNGs in it.
 pub fn repair_zip(bytes: &mut Vec<u8>) {
     let starts: Vec<usize> =
         bytes.windows(4).enumerate().filter(|(_, four)| *four == b"PK\x03\x04").map(|(offset, _)| offset).collect();

@@ -1,8 +1,8 @@
-//! Parsers with mutated inputs: each entry point of `fuzz/targets.rs` with a few inputs, and for a minute in long
-//! tests.
+//! Runs the parsers with mutated inputs: each entry point of `fuzz/targets.rs` reads a few inputs, and in long tests as
+//! many as a minute allows.
 //!
-//! `driver` describes the method, docs/fuzzing.md lists the parsers. The messages of the service are private to it:
-//! `src/service/fuzz_tests.rs`.
+//! `driver` describes the method, docs/fuzzing.md lists the parsers. The messages of the service are private, so their
+//! tests are in `src/service/fuzz_tests.rs`.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 #![allow(clippy::print_stderr, reason = "the reading process reports why it ends")]
 
@@ -64,11 +64,11 @@ fuzz! {
     // The largest texture has 2^27 texels: 400 MB as stored in the file, 1.6 GB as numbers.
     texture: seeds::textures, seeds::PNG, |bytes| formats::repair_png(bytes), 3 << 30;
     glare_table: seeds::glare_table, seeds::TABLE, as_it_is, SMALL;
-    // The largest grid has 8192 x 8192 directions in f64; a header of few bytes can announce it.
+    // The largest grid has 8192 x 8192 directions in f64, and a header of a few bytes can declare it.
     theatre: seeds::theatre, seeds::THEATRE, formats::repair_zip, 4 << 30;
 }
 
-/// cargo-fuzz finds a target by its file and its entry in the manifest.
+/// For cargo-fuzz, each target needs a file and an entry in the manifest.
 #[test]
 fn every_target_is_a_cargo_fuzz_target_too() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
@@ -82,7 +82,7 @@ fn every_target_is_a_cargo_fuzz_target_too() {
     }
 }
 
-/// If the driver missed these, every other test here would be worthless.
+/// The driver must detect these failures; otherwise all other tests here would be worthless.
 #[test]
 #[should_panic(expected = "greedy: an input of 3 bytes ended the process")]
 fn memory_beyond_the_limit_is_detected() {

@@ -1,5 +1,5 @@
-//! Initial inputs: the repository's own files, and small ones of every kind that a parser accepts. Also the tokens of
-//! each format.
+//! Initial inputs: the files of the repository, and small files of every kind that a parser accepts. Also has the
+//! tokens of each format.
 
 use std::{fs, io::Cursor, path::Path};
 
@@ -23,7 +23,7 @@ use crate::{
     theatre_sets::{Mpcdi, Pfm, bourke, csv as mesh_csv, exr, obj, projectors, sgc, sgct, sgct_frustum, zipped},
 };
 
-/// Contents of the files in a folder of the repository with one of these extensions.
+/// Reads the files in a folder of the repository that have one of these extensions.
 fn files(folder: &str, extensions: &[&str]) -> Vec<Vec<u8>> {
     let mut paths: Vec<_> = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder))
         .unwrap()
@@ -86,7 +86,7 @@ pub const KEYS: &[&str] = &[
     "tilt_deg",
 ];
 
-/// Every configuration of the repository, some with overrides.
+/// Returns every configuration of the repository, some of them with overrides.
 pub fn configurations() -> Vec<Vec<u8>> {
     let mut all = files("configs", &["toml"]);
     let built_in = include_bytes!("../../src/config/built_in.toml");
@@ -100,7 +100,7 @@ pub fn configurations() -> Vec<Vec<u8>> {
     all
 }
 
-/// Every path of the repository, and one with the features that they lack.
+/// Returns every film path of the repository, and one with the features that these lack.
 pub fn film_paths() -> Vec<Vec<u8>> {
     let mut all = files("paths", &["toml"]);
     let other = "[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 1]\nfov_y_deg = 40\nev100 = -3\neasing = 'linear'\n\
@@ -301,7 +301,7 @@ pub fn star_store() -> Vec<Vec<u8>> {
     vec![store(40, "a few"), store(1, ""), store(0, "none at all")]
 }
 
-/// Deep stores whose stars are all bright.
+/// Returns deep stores in which all stars are bright.
 pub fn deep_store() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let store = |name: &str, stars: usize| {
@@ -353,7 +353,7 @@ pub const GLTF: &[&str] = &[
     "JSON",
 ];
 
-/// The text and the binary part of a tetrahedron.
+/// Returns the text and the binary part of a tetrahedron in glTF.
 fn tetrahedron(uri: &str, extra: &str) -> (String, Vec<u8>) {
     let places: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let corners: [u16; 12] = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
@@ -419,7 +419,7 @@ pub const PSF: &[&str] = &[
     "pixelScaleArcsec\0",
 ];
 
-/// OpenEXR files of every compression, block type and sample type.
+/// Returns OpenEXR files with every compression, block type and sample type.
 fn exr_files() -> Vec<Vec<u8>> {
     let size = Vec2(8, 8);
     let values: Vec<f32> = (0..64).map(|i| i as f32).collect();
@@ -561,8 +561,8 @@ pub const THEATRE: &[&str] = &[
     "vwf1",
 ];
 
-/// Small sets of one projector in every format; those of MPCDI are stored without compression, so that their contents
-/// can be mutated.
+/// Returns small sets of one projector in every format. MPCDI sets are stored without compression, so that mutations
+/// can change their contents.
 pub fn theatre() -> Vec<Vec<u8>> {
     let all = projectors();
     let one = &all[..1];

@@ -28,7 +28,7 @@ use steradian::{
 
 const AU_M: f64 = 1.495_978_707e11;
 
-/// Surroundings of an observer: hills in the south, and an airglow in magnitudes per square arcsecond.
+/// Returns the surroundings of an observer: hills in the south, and an airglow in magnitudes per square arcsecond.
 fn surroundings(glow_mag: f64) -> Surroundings {
     let hills = [[0.0, 0.0], [2.0, 0.02], [3.0, 0.12], [4.0, 0.05], [5.0, 0.0]];
     let ground = Ground { horizon: Horizon::new(hills.to_vec()), albedo: 0.2, landscape: None };
@@ -39,8 +39,8 @@ fn surroundings(glow_mag: f64) -> Surroundings {
     }
 }
 
-/// A camera on the ground that looks south with the zenith up; stars at azimuths and altitudes in degrees, and a Sun.
-/// All positions are without refraction.
+/// Returns a scene with a camera on the ground that looks south with the zenith up, stars at azimuths and altitudes in
+/// degrees, and a Sun. All positions are without refraction.
 fn scene(stars: &[([f64; 2], f32)], sun_deg: Option<[f64; 2]>, surroundings: Surroundings) -> SceneSnapshot {
     let place = Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 500.0 };
     let observer = Observer::new(place, Clock::default(), 8.2e8);
@@ -99,7 +99,8 @@ fn worst_of(
                 };
                 let towards = viewport.world_from_view
                     * mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
-                // Pixels on the outline of the hills are skipped: there the two estimate the covered share in different ways.
+                // Skip pixels on the outline of the hills, for which the two renderers estimate the covered share in
+                // different ways.
                 let altitude = (twin.horizon_from_world * towards).y;
                 if except.is_some_and(|(direction, near)| towards.angle_between(direction) < near)
                     || (-0.06..0.16).contains(&altitude)
@@ -127,7 +128,7 @@ fn pixels_of_sky_and_ground_equal_the_reference() {
         let (worst, compared) = worst_of(&scene, &settings(StarMethod::Auto), &sky, Some((sun.normalize(), near_rad)));
         println!("Sun {sun_deg:?}: {compared} pixels, worst {worst:.1e}");
         assert!(worst < 3e-5 && compared > 10_000, "{sun_deg:?}: {worst} {compared}");
-        // The comparison distinguishes a Sun that is one degree lower.
+        // The comparison must fail for a Sun that is one degree lower.
         let lower = self::scene(&[], Some([sun_deg[0], sun_deg[1] - 1.0]), surroundings(22.0));
         assert!(
             worst_of(&scene, &settings(StarMethod::Auto), &local_sky(&lower), Some((sun.normalize(), 0.2))).0 > 0.01
@@ -139,7 +140,7 @@ fn pixels_of_sky_and_ground_equal_the_reference() {
 fn without_ground_the_night_is_dark_and_has_no_black_ring_below_the_horizon() {
     let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 0.1, ..GlareSettings::default() };
     let settings = RenderSettings { glare, ..settings(StarMethod::Auto) };
-    // A Sun 45 degrees below the horizon is behind the Earth; 2 degrees above it, its glare is seen.
+    // A Sun 45 degrees below the horizon is behind the Earth. A Sun 2 degrees above it causes visible glare.
     for (sun_deg, is_night) in [([180.0, -45.0], true), ([180.0, 2.0], false)] {
         let scene = scene(&[], Some(sun_deg), without_ground(22.0));
         let sky = local_sky(&scene);
@@ -155,7 +156,7 @@ fn without_ground_the_night_is_dark_and_has_no_black_ring_below_the_horizon() {
             let ratio = f64::from(pixel[1]) / expected;
             worst = worst.max(ratio).max(ratio.recip());
         }
-        println!("Sun {sun_deg:?}: at most {worst:.2} times the sky or a fraction of it");
+        println!("Sun {sun_deg:?}: pixels differ from the sky by a factor of at most {worst:.2}");
         assert_eq!(worst < 1.1, is_night, "{sun_deg:?}: {worst}");
     }
 }
@@ -169,8 +170,8 @@ fn glare_does_not_change_a_uniform_sky() {
     assert!(worst < 1e-4, "{worst}");
 }
 
-/// A panorama of hills with windows in it, in soft colours. It is smooth over a few texels, because the reference has
-/// no mipmap levels.
+/// Returns a panorama of hills with windows in it, in soft colours. Its edges are smooth over a few texels, because the
+/// reference has no mipmap levels.
 fn panorama() -> Landscape {
     let size = [2048_u32, 1024];
     let texels = (0..size[0] * size[1]).map(|index| {
@@ -179,7 +180,7 @@ fn panorama() -> Landscape {
         let altitude = PI * (0.5 - (row + 0.5) / f64::from(size[1]));
         let hides = ((0.3 + 0.15 * (3.0 * azimuth).sin() - altitude) / 0.1 + 0.5).clamp(0.0, 1.0);
         let window = 1.0 - 0.7 * (-((altitude / 0.12).powi(2) + ((azimuth - 3.0) / 0.2).powi(2))).exp();
-        // Rounded to 8 bits, as in a file: a bright sky behind a dark hill makes the last digit visible.
+        // Round to 8 bits, as in a file, because in front of a bright sky even the last bit of a dark hill is visible.
         let rounded = |value: f64| ((value * 255.0).round() / 255.0) as f32;
         let alpha = rounded(hides * window);
         let [r, g, b] = [0.4 + 0.3 * azimuth.sin(), 0.3, 0.2 + 0.1 * altitude]
@@ -220,7 +221,8 @@ fn a_panorama_covers_the_sky_and_reflects_the_incident_light() {
                     if towards.angle_between(sun) < 0.2 {
                         continue;
                     }
-                    // Relative to the sky behind the hill as well, because a dark hill in front of a bright sky has little own light.
+                    // Compute the error relative to the brighter of hill and sky behind it, because a dark hill in
+                    // front of a bright sky has little light itself.
                     let behind = twin.above_cd_m2(towards, [0.0; 3])[1];
                     let error = (f64::from(found[1]) - expected[1]).abs() / expected[1].max(behind);
                     (squares, worst, count) = (squares + error * error, worst.max(error), count + 1);
@@ -247,7 +249,7 @@ fn hills_end_at_the_configured_horizon() {
     let mapping = viewport.projection.mapping();
     let hdr = image.hdr.as_ref().unwrap();
     for x in (0..image.width).step_by(7) {
-        // The solid angle of ground in a column gives the altitude of the horizon to a fraction of a pixel.
+        // The number of ground pixels in a column gives the altitude of the horizon to a fraction of a pixel.
         let (mut found, mut expected) = (0.0, 0.0);
         for y in 0..image.height {
             let direction = mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
@@ -268,7 +270,7 @@ fn stars_are_dimmed_by_extinction_and_hidden_below_the_horizon() {
         let raised = DQuat::from_rotation_x(altitude_deg.to_radians());
         Rig::new(vec![View::new("star", kind, raised, DVec3::ZERO).unwrap()]).unwrap()
     };
-    // Almost without airglow, behind hills of 0.12 rad (6.9 degrees) or without ground.
+    // The stars are behind hills of 0.12 rad (6.9 degrees), or there is no ground. There is almost no airglow.
     let hills = surroundings(30.0);
     for (altitude_deg, method, around, is_seen) in [
         (80.0, StarMethod::Auto, &hills, true),
@@ -329,7 +331,8 @@ fn a_low_sun_is_red_and_a_sun_below_the_horizon_gives_no_glare() {
     assert_eq!(light([180.0, -3.0], without_air(surroundings(22.0))), [0.0; 3]);
     let high = light([90.0, 60.0], without_air(surroundings(22.0)));
     assert!(high[1] > 1e5, "{high:?}");
-    // At an altitude of 4 degrees in the east, without hills, more than 80 % of the green light is absorbed.
+    // In the east, where there are no hills, the air absorbs more than 80 % of the green light at an altitude of 4
+    // degrees.
     let scene = scene(&[], Some([90.0, 4.0]), surroundings(22.0));
     let sky = local_sky(&scene);
     let towards = (scene.objects.bodies[0].position_m - scene.camera.position_m).normalize();
@@ -340,15 +343,15 @@ fn a_low_sun_is_red_and_a_sun_below_the_horizon_gives_no_glare() {
     assert!(disc_and_sky < 0.5 && low[0] / low[2] > 1.5 * high[0] / high[2], "{low:?} {high:?}");
 }
 
-/// Refraction at an apparent altitude, arcmin, in air of a relative density: G. G. Bennett, Journal of Navigation 35,
-/// 255, 1982, with its second term.
+/// Returns the refraction at an apparent altitude, arcmin, in air of a relative density: G. G. Bennett, Journal of
+/// Navigation 35, 255, 1982, with its second term.
 fn bennett_arcmin(apparent_deg: f64, density: f64) -> f64 {
     let first = 1.0 / (apparent_deg + 7.31 / (apparent_deg + 4.4)).to_radians().tan();
     density * (first - 0.06 * (14.7 * first + 13.0).to_radians().sin())
 }
 
-/// Mean position and standard deviation of the light in an image of a camera that looks south: degrees of altitude, and
-/// degrees across.
+/// Returns the mean position and the standard deviation of the light in an image, each as degrees of altitude and
+/// degrees across. The camera looks south.
 fn place_of_light(frame: &Frame, rig: &Rig, without: Option<&Frame>) -> [[f64; 2]; 2] {
     let mapping = rig.views()[0].images[0].projection.mapping();
     let turned = rig.viewports(DQuat::IDENTITY)[0].world_from_view;
@@ -393,7 +396,7 @@ fn refraction_of_stars_and_planets_equals_bennetts_formula() {
         let draw = |scene: &SceneSnapshot| render_hdr(&mut renderer(), scene, &rig, &settings);
         let dark = draw(&scene_without_stars(&scene));
         let [[altitude_deg, _], _] = place_of_light(&draw(&scene), &rig, Some(&dark));
-        // A planet so distant that it is drawn as a point, at the same place.
+        // Draw a planet at the same position, so distant that it is a point.
         let towards = {
             let local = local_sky(&scene).horizon_from_world.transpose();
             local * horizontal_direction(PI, f64::to_radians(apparent_deg - lifted_deg))
@@ -428,13 +431,13 @@ fn a_setting_sun_is_flattened_by_refraction() {
         let raised = DQuat::from_rotation_x(f64::to_radians(true_deg) + lifted_rad);
         let rig = Rig::new(vec![View::new("sun", kind, raised, DVec3::ZERO).unwrap()]).unwrap();
         let air = without_ground(30.0);
-        // Without extinction, which would dim the lower limb more.
+        // Turn off extinction, which would dim the lower limb more.
         let air = Surroundings { air: Some(Air::new(1e-6, 500.0, [0.0; 3])), ..air };
         let scene = scene(&[], Some([180.0, true_deg]), air);
         place_of_light(&render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::Auto)), &rig, None)
     };
-    // At -0.3 degrees without refraction, the disc is wholly above the horizon with refraction, and its height is about
-    // 5/6 of its width.
+    // The Sun is at -0.3 degrees without refraction. With refraction, the whole disc is above the horizon, and its
+    // height is about 5/6 of its width.
     let [[altitude_deg, _], [high, wide]] = spread(-0.3);
     println!("at {altitude_deg:.4} degrees: height over width {:.4}", high / wide);
     let density = RefractingAir::at_height(500.0).density();
@@ -451,7 +454,7 @@ fn a_setting_sun_is_flattened_by_refraction() {
         low
     };
     let expected = (limb(1.0) - limb(-1.0)) / (2.0 * 0.267);
-    println!("height over width by the formula {expected:.4}");
+    println!("height over width according to the formula {expected:.4}");
     assert!((high / wide - expected).abs() < 0.01, "{} {expected}", high / wide);
     let [_, [high, wide]] = spread(40.0);
     assert!((high / wide - 1.0).abs() < 2e-3, "{}", high / wide);

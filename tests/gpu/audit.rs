@@ -1,4 +1,4 @@
-//! Audits of frames: correct frames pass; errors in others are found and located.
+//! Audits of frames: correct frames pass, and errors in wrong frames are found and located.
 
 use steradian::{
     audit::{AuditedScene, MOST_PIXELS, audit},
@@ -15,7 +15,7 @@ use crate::common::{configured, renderer};
 
 type Case = (SceneSnapshot, Rig, RenderSettings);
 
-/// The scene of `configs/demo.toml` with fewer stars and smaller pictures.
+/// Loads `configs/demo.toml` with fewer stars and smaller pictures.
 fn demo() -> Case {
     let small = [
         "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 600000, seed = 1, fainter_than = 6.5 } }]",
@@ -27,7 +27,7 @@ fn demo() -> Case {
     configured("demo.toml", &small)
 }
 
-/// Two round pictures of 1.2 million stars. If the map of faint stars is used, it contains more than a third of them.
+/// Loads two round pictures of 1.2 million stars. If the map of faint stars is used, it contains more than a third of the stars.
 fn domes(set: &[&str]) -> Case {
     let small: &[&str] = &[
         "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]",
@@ -38,7 +38,7 @@ fn domes(set: &[&str]) -> Case {
     configured("dome.toml", &[small, set].concat())
 }
 
-/// A small dome of the bright stars.
+/// Loads a small dome with the bright stars.
 fn small(set: &[&str]) -> Case {
     let small: &[&str] = &[
         "scene.catalogues=[\"builtin:bright\"]",
@@ -65,7 +65,7 @@ fn run_audits(renderer: &Renderer, scene: &AuditedScene<'_>, frame: &Frame) -> [
     audits
 }
 
-/// Images that break their budgets, display or HDR.
+/// Returns the display or HDR images that break their budgets.
 fn broken(audits: &[Audit; 2], output: AuditedOutput) -> Vec<ImageAudit> {
     audits.iter().flat_map(Audit::broken).filter(|image| image.output == output).cloned().collect()
 }
@@ -77,26 +77,26 @@ fn correct_frames_of_every_view_type_pass() {
     let audits = run_audits(&renderer, &audited(&demo), &frame);
     for (audit, output) in audits.iter().zip([AuditedOutput::Display, AuditedOutput::Hdr]) {
         assert_eq!(audit.images.len(), 10);
-        // An image contributes about two hundred pixels, so its 99.9 % quantile lies a fifth of a step below the largest error:
-        // one pixel beyond the budget breaks it. Of about two thousand pixels, two may exceed it. Measured: 0.88 and 0.72 of
-        // 0.6 codes; the second largest of each image is at most 0.52.
+        // An image contributes about two hundred pixels, so its 99.9 % quantile is a fifth of the way from the largest error to the second largest
+        // one: one pixel in excess of the budget breaks the budget. Of about two thousand pixels in all images, two may exceed it. Measured: 0.88 and
+        // 0.72 codes, with a budget of 0.6. The second largest error of each image is at most 0.52 codes.
         let beyond: Vec<f64> = audit.broken().map(|image| image.largest).collect();
         assert!(beyond.len() <= 2 && beyond.iter().all(|largest| *largest < 1.2), "{beyond:?}");
         assert!(audit.not_audited.is_empty());
         assert!(audit.images.iter().all(|image| image.output == output && image.pixels > 150 && image.left_out < 20));
     }
-    // A second run gives the same result: an audit is a function of the frame.
+    // A second run gives the same result, because an audit depends only on the frame.
     assert_eq!(audits, run_audits(&renderer, &audited(&demo), &frame));
 }
 
-/// A flat window with fine pixels and few stars, with many edges of the veils of single sources.
+/// A flat window with fine pixels and few stars has many edges of the veils of single sources.
 #[test]
 fn a_flat_window_of_single_stars_passes() {
     let (window, mut renderer) = (configured("perspective.toml", &[]), renderer());
     let frame = draw(&mut renderer, &window, Wanted::hdr());
     let [audit, _] = run_audits(&renderer, &audited(&window), &frame);
     assert!(audit.images.len() == 2 && audit.not_audited.is_empty());
-    // Measured: 0.61 and 0.67. With a full tolerance per source they were 4.6 and 4.9.
+    // Measured: 0.61 and 0.67. When the veil of each source had the full tolerance, the values were 4.6 and 4.9.
     assert!(audit.images.iter().all(|image| image.error_999 < 0.9 && image.largest < 1.5));
 }
 
@@ -125,7 +125,7 @@ fn domes_pass_exactly_or_without_glare() {
     assert_domes_pass(&[(&[EXACT], false), (&[NO_GLARE], true)]);
 }
 
-/// A frame drawn with a coarser budget than the one it is audited with.
+/// The frame is drawn with a coarser budget than the one with which it is audited.
 #[test]
 fn a_plan_with_a_wrong_budget_is_caught() {
     let honest = domes(&[]);
@@ -135,11 +135,11 @@ fn a_plan_with_a_wrong_budget_is_caught() {
     let frame = draw(&mut renderer, &wrong, Wanted::display());
     let [display, _] = run_audits(&renderer, &audited(&honest), &frame);
     assert_eq!(display.broken().count(), 2);
-    // It passes with its own budget.
+    // With its own budget, the frame passes.
     assert!(!run_audits(&renderer, &audited(&wrong), &frame)[0].is_broken());
 }
 
-/// Frames drawn with other kernels, with less glare, or without the faint stars.
+/// The frames are drawn with other kernels, with less glare, or without the faint stars.
 #[test]
 fn other_thresholds_other_glare_and_missing_stars_are_caught() {
     let (honest, mut renderer) = (small(&[]), renderer());
@@ -157,7 +157,7 @@ fn other_thresholds_other_glare_and_missing_stars_are_caught() {
     }
 }
 
-/// Pixels off by a few codes or a few per cent, in a part of the picture that the audit samples.
+/// Pixels are wrong by a few codes or a few per cent, in a part of the picture that the audit samples.
 #[test]
 fn a_corrupted_image_is_caught_and_located() {
     let (case, mut renderer) = (small(&[]), renderer());
@@ -165,7 +165,7 @@ fn a_corrupted_image_is_caught_and_located() {
     let scene = audited(&case);
     assert!(run_audits(&renderer, &scene, &honest).iter().all(|audit| !audit.is_broken()));
     let width = honest.images[0].width as usize;
-    // A square of 24 pixels, which contains some of the sampled ones.
+    // Change a square with sides of 24 pixels, which contains some of the sampled pixels.
     let (left, top) = (100, 140);
     let square = || (top..top + 24).flat_map(|y| (left..left + 24).map(move |x| y * width + x));
     let is_inside = |audits: &[Audit; 2], output: AuditedOutput| {
@@ -190,7 +190,7 @@ fn a_corrupted_image_is_caught_and_located() {
     assert!(is_inside(&run_audits(&renderer, &scene, &none), AuditedOutput::Hdr), "NaN fails");
 }
 
-/// A picture rotated by a tenth of a pixel, or one with a wrong exposure.
+/// The picture is rotated by a tenth of a pixel, or has a wrong exposure.
 #[test]
 fn another_direction_and_another_exposure_are_caught() {
     let (case, mut renderer) = (small(&[]), renderer());

@@ -1,4 +1,4 @@
-//! The chart: tiny runs of every axis, and scores that must distinguish correct methods from wrong ones.
+//! Tests the chart by tiny runs of every axis. The scores must distinguish correct methods from wrong ones.
 
 mod live;
 
@@ -67,7 +67,7 @@ fn tiny() -> Extent {
     }
 }
 
-/// Does not start a daemon; for the axes that need none.
+/// Returns an error instead of starting a daemon, for axes that need none.
 fn no_daemons(_: &LiveRequest<'_>) -> Result<Box<dyn LiveDaemon>, String> {
     Err("this axis needs no daemon".to_owned())
 }
@@ -81,7 +81,7 @@ fn about() -> About {
     About { adapter, driver, date: "2026-01-02 03:04 UTC".to_owned(), command: "steradian chart --out x".to_owned() }
 }
 
-/// Returns the texts of an SVG file. Panics if an element is not closed in the right order.
+/// Returns the texts of an SVG file. Panics if elements are not closed in the right order.
 fn well_formed(text: &str) -> Vec<String> {
     let (mut open, mut texts) = (Vec::new(), Vec::new());
     for event in svg::read(text).unwrap() {
@@ -158,7 +158,7 @@ fn a_tiny_run_has_every_method_and_fills_or_explains_every_cell() {
     }
 }
 
-/// The procedural sky is scored on its own stars, cones of brightness that are sampled at pixel centres.
+/// The procedural sky is scored on its own stars. These are cones of brightness, sampled at pixel centres.
 #[test]
 fn the_procedural_sky_has_the_expected_errors_of_cones() {
     let mut renderer = crate::common::renderer();
@@ -170,8 +170,8 @@ fn the_procedural_sky_has_the_expected_errors_of_cones() {
     let value = |metric| scores.get(metric).and_then(|score| score.value);
     assert_eq!(value(Metric::OrderBitsDiffer), Some(0.0));
     assert_eq!([Metric::ColourUv, Metric::DynamicRange, Metric::Seam].map(value), [None; 3]);
-    // The sum of a cone of radius 1 px over pixel centres is pi / 3 on average; it varies from 0.83 (star on a corner) to
-    // 1 (on a centre).
+    // For a cone with a radius of 1 px, the sum over pixel centres is pi / 3 on average. It varies from 0.83 (star on a corner) to 1 (star on a
+    // centre).
     let sum = |at: DVec2| -> f64 {
         let offsets = (-2..3).flat_map(|y| (-2..3).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
         offsets.map(|offset| (1.0 - (offset - at).length()).max(0.0)).sum()
@@ -190,7 +190,7 @@ fn the_procedural_sky_has_the_expected_errors_of_cones() {
     assert!(ellipticity > 0.1 && ellipticity < 1.0, "{ellipticity}");
 }
 
-/// Drawn directly into the pixels of a projector, stars keep their light, position and width; resampled they do not.
+/// Stars that are drawn directly into the pixels of a projector keep their light, position and width; resampled stars do not.
 #[test]
 #[ignore = "long: make test-all"]
 fn a_tiny_run_of_projectors_shows_the_errors_of_resampling() {
@@ -223,7 +223,7 @@ fn faint_store(folder: &Path) -> PathBuf {
     out
 }
 
-/// Tests the axes of views and numbers of stars: times, one derived figure, and the figures of deep stores.
+/// Tests the axes `views` and `scale`: times, one derived figure, and the figures of deep stores.
 #[test]
 #[ignore = "long: make test-all"]
 fn views_and_scale_have_their_figures_over_several_rounds() {
@@ -237,9 +237,9 @@ fn views_and_scale_have_their_figures_over_several_rounds() {
                 |row: &&Row| (&*row.method, row.items, &*row.error_metric) == (series, items, metric.name());
             rows.iter().find(of_metric).and_then(|row| row.error_value).unwrap_or_else(|| panic!("{series} {metric:?}"))
         };
-        // The brightest stars are all resident: nothing is read, and nothing replaces them.
+        // The brightest stars are all resident, so no leaves are read, and no composite stars replace them.
         assert_eq!(value(2000, DeepMetric::ReadMib), 0.0);
-        // 30,000 stars of 8 bytes, or fewer composite stars.
+        // The file has 30,000 stars of 8 bytes each, or fewer composite stars.
         let read = value(30_000, DeepMetric::ReadMib);
         assert!(read > 0.01 && read < 0.5, "{series}: {read} MiB");
         // A star of a leaf has 8 bytes in the file and 16 in memory; tiles also have a bit for each cell, which is not kept.
@@ -248,7 +248,7 @@ fn views_and_scale_have_their_figures_over_several_rounds() {
         assert!(memory >= least && memory < 1.0, "{series}: {memory} MiB");
         let [most, largest] = [DeepMetric::Error999Codes, DeepMetric::ErrorLargestCodes].map(|m| value(30_000, m));
         assert!(most < 0.5 && largest >= most, "{series}: {most} {largest}");
-        // Stars of V = 13 are too bright for composite stars in the window's small pixels: each is drawn. In the dome they are in the map.
+        // In the small pixels of the window, stars of V = 13 are too bright for composite stars, so each is drawn. In the dome, they are in the map.
         assert_eq!(largest == 0.0, series == "deep_store", "{series}: {largest}");
     }
     let figure = |axis: &str, workload: &str, method: &str| {
@@ -284,7 +284,7 @@ fn views_and_scale_have_their_figures_over_several_rounds() {
     }
 }
 
-/// `sky_cube` is correct in every projection, and the published pyramids show their known flaws.
+/// `sky_cube` has correct scores in every projection, and the scores of the published pyramids show their known flaws.
 #[test]
 #[ignore = "long: make test-all"]
 fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
@@ -373,7 +373,7 @@ fn asteroid_fields_of_several_sizes_have_the_figures_of_every_method() {
     let flat = extent.asteroids.instances.iter().map(|instances| format!("{instances} asteroids 90p"));
     let other = ["200 asteroids stereo-64", "200 asteroids dome-96"].map(str::to_owned);
     let workloads: Vec<String> = flat.chain(other).collect();
-    // Three ratios with two culling methods each; six drawing methods in every workload.
+    // There are three ratios for each of two culling methods, and six drawing methods in every workload.
     assert_eq!(measured.len(), 3 * 2 + 6 * workloads.len() * AsteroidMetric::ALL.len());
     for row in &measured {
         println!(
@@ -427,7 +427,7 @@ fn asteroid_fields_of_several_sizes_have_the_figures_of_every_method() {
     assert!(html.contains("outside_over_inside") && html.contains("published, other hardware"));
 }
 
-/// The scenes of the chart reproduce the scores of tent and B-spline known from closed forms and from the design.
+/// The scenes of the chart reproduce the scores of tent and B-spline that are known from closed forms and from measurements for the design.
 #[test]
 fn scores_equal_the_known_values_of_the_kernels() {
     let mut renderer = crate::common::renderer();
@@ -443,17 +443,18 @@ fn scores_equal_the_known_values_of_the_kernels() {
         move |metric: Metric| values.iter().find(|value| value.0 == metric.name()).unwrap().1
     };
     let (tent, bspline) = (scores_of(StarMethod::Tent), scores_of(StarMethod::BSpline));
-    // Measured for the design with 3000 positions: tent 0.084 and 0.163, B-spline 0.011, 0.038 and 0.128.
+    // The values measured for the design with 3000 positions are 0.084 and 0.163 for the tent, and 0.011, 0.038 and 0.128 for the B-spline.
     assert!((tent(Metric::FlickerK1) - 0.084).abs() < 0.003 && (bspline(Metric::FlickerK1) - 0.011).abs() < 0.001);
     assert!((tent(Metric::FlickerK10) - 0.163).abs() < 0.005 && (bspline(Metric::FlickerK10) - 0.038).abs() < 0.002);
     assert!((bspline(Metric::FlickerK100) - 0.128).abs() < 0.003);
-    // The width of the B-spline is constant, the width of the tent is not.
+    // The B-spline has a constant width, but the tent does not.
     assert!(bspline(Metric::WidthVariation) < 0.005 && tent(Metric::WidthVariation) > 0.1);
     // At 45 degrees off axis, a circle on a flat image plane has an ellipticity of 1 - cos 45 degrees in the sky.
     assert!((bspline(Metric::EllipticityView45Deg) - (1.0 - 0.5_f64.sqrt())).abs() < 0.01);
     for scores in [&tent as &dyn Fn(Metric) -> f64, &bspline] {
         assert!(scores(Metric::FluxStarRms) < 1e-4 && scores(Metric::CentroidPx) < 0.005);
-        // At the corners of a cube, the unit of the sums rounds the light of a star by 1e-4 between largest and smallest.
+        // At the corners of a cube, rounding to the unit of the sums makes the light of a star vary by 1e-4 between the largest and the smallest
+        // value.
         assert!(scores(Metric::FlickerLinear) < 1e-4 && scores(Metric::Seam) < 5e-4);
         assert!(scores(Metric::ColourUv) < 0.003 && scores(Metric::DynamicRange) < 0.02);
         assert!(scores(Metric::OrderBitsDiffer) == 0.0 && (scores(Metric::Keeps20000Stars) - 1.0).abs() < 1e-3);

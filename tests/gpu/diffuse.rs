@@ -1,4 +1,4 @@
-//! Unresolved starlight and zodiacal light: pixels compared with the f64 reference, at rest, at relativistic speeds,
+//! Unresolved starlight and zodiacal light: pixels are compared with the f64 reference at rest, at relativistic speeds,
 //! through air, behind a body, and with glare.
 
 use std::{f64::consts::PI, sync::Arc};
@@ -24,7 +24,7 @@ use steradian::{
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
 };
 
-/// A coloured band of light in the plane z = 0 of the world, brighter towards x.
+/// Returns a coloured band of light along the plane z = 0 of the world, which is brighter towards x.
 fn band() -> Arc<DiffuseSky> {
     Arc::new(DiffuseSky::new(0.01, |towards| {
         let band = (-0.5 * (towards.z / 0.15).powi(2)).exp() * (1.0 + 0.8 * towards.x) + 0.1;
@@ -32,7 +32,7 @@ fn band() -> Arc<DiffuseSky> {
     }))
 }
 
-/// The band alone, without stars.
+/// Returns a scene with the band and without stars.
 fn scene(camera: Camera) -> SceneSnapshot {
     let mut scene = snapshot(Vec::new());
     scene.stars = Arc::new((*scene.stars).clone().with_unresolved(Some(band())));
@@ -126,8 +126,8 @@ fn display_images_are_equal_with_and_without_an_hdr_image() {
     assert!(worst <= 1, "{worst} codes");
 }
 
-/// Compares the colour channels of two pictures: share that differs by more than one code, largest difference, and the
-/// brightest code.
+/// Compares the colour channels of two pictures. Returns the share that differs by more than one code, the largest
+/// difference, and the brightest code.
 fn differing(a: &[u8], b: &[u8]) -> (f64, u8, u8) {
     let colours = || a.iter().zip(b).enumerate().filter(|(index, _)| index % 4 < 3).map(|(_, both)| both);
     let differences: Vec<u8> = colours().map(|(a, b)| a.abs_diff(*b)).collect();
@@ -183,7 +183,7 @@ fn light_is_interpolated_between_points_within_the_budget() {
                 "{name}, view {view}: {share:.1e} of the channels differ by more than one code, at most by {most}; brightest code {brightest}"
             );
             assert!(share < 1e-5 && most <= 2 && brightest > 40, "{name} {view}: {share} {most} {brightest}");
-            // A larger budget makes visible differences.
+            // The comparison detects the differences that a larger budget causes.
             let (share, most, _) = differing(exact, &far[view]);
             println!("    with a budget of 8 codes {share:.1e}, at most {most}");
             assert!(share > 3e-4 && most >= 3, "{name} {view}: {share} {most}");
@@ -220,7 +220,7 @@ fn the_zodiacal_light_is_added_in_space_and_behind_air() {
         let seen = scene.objects.seen_from(position_m);
         let (light, local) = (seen.zodiacal_light().unwrap(), seen.local_sky.as_deref());
         let to_sun = (seen.bodies[0].position_m - position_m).normalize();
-        // Not near the Sun, whose own light and sky would be compared too.
+        // Skip directions near the Sun: otherwise its own light and the sky around it would be compared too.
         let wanted = |towards: DVec3| {
             towards.angle_between(to_sun) > 0.3
                 && local.is_none_or(|local| (local.horizon_from_world * towards).y > 0.05)

@@ -1,5 +1,5 @@
-//! Errors of display images, compared with exact ones over many poses: by kind of place, and for the light of the
-//! brightest stars.
+//! Measures the errors of display images, compared with exact images, in many poses: by kind of place in the picture,
+//! and for the light of the brightest stars.
 
 use std::f64::consts::{PI, TAU};
 
@@ -28,12 +28,12 @@ const BRIGHT_CODE: f64 = 150.0;
 const NEAR_PX: i64 = 6;
 /// Half the width of the Milky Way, rad.
 const MILKY_WAY_RAD: f64 = 0.14;
-/// Number of bright stars whose light is compared, and half the side of the square that it is summed over, pixels: that
-/// of the B-spline.
+/// Number of bright stars whose light is compared, and half the side of the square over which it is summed, pixels,
+/// which is that of the B-spline.
 const BRIGHTEST: usize = 500;
 const SQUARE_PX: i64 = 1;
 
-/// Kinds of places. Every pixel belongs to the first one.
+/// Kinds of places in a picture. Every pixel belongs to the first one.
 const PLACES: [&str; 7] = ["all", "above code 8", "dark sky", "near a bright star", "Milky Way", "edge", "pole"];
 
 /// Errors of all channels by place, and the worst relative error of the light of bright stars.
@@ -44,7 +44,7 @@ struct Found {
 }
 
 impl Found {
-    /// The given quantile of the errors at a place; `None` if there are none.
+    /// Returns the given quantile of the errors at a place, or `None` if it has no pixels.
     fn quantile(&mut self, place: usize, share: f64) -> Option<f64> {
         let errors = &mut self.errors[place];
         let index = (errors.len().checked_sub(1)? as f64 * share) as usize;
@@ -103,7 +103,7 @@ impl Found {
                 errors_there.extend(errors.map(|error| error.abs() as f32));
             }
         }
-        // The light of the brightest stars in the picture, in a square around each.
+        // Compare the light of the brightest stars in the picture, in a square around each star.
         let drawn_pixels = drawn.images[0].hdr.as_ref().unwrap();
         for direction in stars {
             let Some(pixel) = mapping.pixel_from_direction(viewport.world_from_view.inverse() * *direction) else {
@@ -116,8 +116,9 @@ impl Found {
             if !square.iter().all(|(x, y)| inside(*x, *y)) {
                 continue;
             }
-            // Weighted by the profile of the star's image, as in photometry. Otherwise the sky in the corners of the square, with
-            // an error of up to half a code, would contribute a hundredth of the light of the fainter stars.
+            // Weight the light by the profile of the star's image, as in photometry. Otherwise the error of the sky in
+            // the corners of the square, which is up to half a code, would add a hundredth of the light of the fainter
+            // stars.
             let light = |image: &[[f32; 4]]| -> f64 {
                 let places = square.iter().map(|(x, y)| (y * i64::from(width) + x) as usize);
                 places.map(|at| f64::from(pixels[at][1]) * f64::from(image[at][1]) * f64::from(image[at][3])).sum()
@@ -127,7 +128,7 @@ impl Found {
     }
 }
 
-/// Camera orientations, distributed over all rotations.
+/// Returns camera orientations that are evenly distributed over all rotations.
 fn poses(count: u32) -> impl Iterator<Item = DQuat> {
     (0..count).map(|i| {
         let [u, v, w] =
@@ -148,7 +149,7 @@ fn views() -> [(&'static str, Rig); 3] {
     ]
 }
 
-/// Directions of stars as seen from the barycentre, the brightest first.
+/// Returns the directions of stars as seen from the barycentre, the brightest first.
 pub fn by_brightness(stars: &StarSet) -> Vec<DVec3> {
     let lights = stars.iter().map(|(place_pc, at_infinity, star)| {
         let distance_squared = if at_infinity { 1.0 } else { place_pc.length_squared() };

@@ -1,4 +1,4 @@
-//! The error of display images against exact ones must not jump between frames: a jump would be visible as flicker.
+//! The error of display images, compared with exact ones, must not jump between frames, because a jump would be visible as flicker.
 
 use glam::{DQuat, DVec3};
 use steradian::{
@@ -14,7 +14,7 @@ use crate::common::{configured, renderer, rig};
 
 /// Error budget of display images, codes.
 const BUDGET: f64 = 0.5;
-/// Frames of a whole turn, flight or zoom; in the long test, a run of 10 of every 40 is drawn.
+/// Number of frames of a whole turn, flight or zoom. Of every 40 frames, the long test draws a run of 10.
 const PATH_FRAMES: u32 = 600;
 const RUN_EVERY: u32 = 40;
 const RUN_FRAMES: u32 = 10;
@@ -33,7 +33,7 @@ fn scene_and_settings(stars: u32) -> (SceneSnapshot, RenderSettings) {
     (scene, settings)
 }
 
-/// Errors of display values, in the order of pixels and channels, and the number of stars in the map.
+/// Returns the errors of display values, in the order of pixels and channels, and the number of stars in the map.
 fn errors(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> (Vec<f32>, u64) {
     let mut draw = |output: Output| -> Frame {
         let request = FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr());
@@ -50,8 +50,8 @@ fn runs() -> impl Iterator<Item = u32> {
     (0..PATH_FRAMES).filter(|frame| frame % RUN_EVERY < RUN_FRAMES)
 }
 
-/// Changes of the error between consecutive frames, given with their numbers: the largest 99.9 % quantile and the largest
-/// change, and the smallest number of stars in the map.
+/// Returns the changes of the error between consecutive frames: the largest 99.9 % quantile, and the largest change of all. Also returns the smallest
+/// number of stars in the map. Frames are given with their numbers.
 fn changes(frames: impl Iterator<Item = (u32, (Vec<f32>, u64))>) -> ([f64; 2], u64) {
     let mut before: Option<(u32, Vec<f32>)> = None;
     let (mut most, mut least_in_map) = ([0.0_f64; 2], u64::MAX);
@@ -76,13 +76,13 @@ fn check(name: &str, (most, in_map): ([f64; 2], u64)) {
     assert!(most[0] <= 2.0 * BUDGET && most[1] <= 4.0 * BUDGET, "{name}: {most:?}");
 }
 
-/// Pixels of 0.7 degrees: the widest with an error budget.
+/// The pixels are 0.7 degrees wide, which is the widest for which there is an error budget.
 fn a_turn(frames: impl Iterator<Item = u32>) {
     let ((mut scene, settings), rig) = (scene_and_settings(300_000), fisheye(90.0, 128));
     let from = scene.camera.world_from_camera;
     let mut renderer = renderer();
     let turned = frames.map(|frame| {
-        // A third of a pixel per frame.
+        // Turn by a third of a pixel per frame.
         scene.camera.world_from_camera = from * DQuat::from_rotation_y(f64::from(frame) * 0.004);
         (frame, errors(&mut renderer, &scene, &rig, &settings))
     });

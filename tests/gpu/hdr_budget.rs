@@ -1,4 +1,4 @@
-//! HDR images within `accuracy.hdr`, compared with exact ones: the error of every pixel, and the light of single stars.
+//! HDR images drawn within `accuracy.hdr`, compared with exact ones: the error of every pixel, and the light of single stars.
 
 use glam::DVec3;
 use steradian::{
@@ -13,21 +13,21 @@ use crate::{
     display_poses::by_brightness,
 };
 
-/// Relative error of a pixel's light, and error that any pixel may have, cd/m^2.
+/// Allowed relative error of a pixel's light, and absolute error, cd/m^2, that every pixel may have.
 const RELATIVE: f64 = 0.01;
 const FLOOR_CD_M2: f64 = 2e-6;
 const BUDGET: &str = "accuracy.hdr=0.01";
 /// Number of stars whose light is compared.
 const STARS: usize = 200;
 
-/// Exact images of a configuration's views, and those within the budget.
+/// Returns the exact images of a configuration's views, and those drawn within the budget.
 fn draw(renderer: &mut Renderer, name: &str, set: &[&str]) -> [Frame; 2] {
     let (scene, rig, settings) = configured(name, set);
     [Wanted::hdr(), Wanted::hdr_streamed()]
         .map(|wanted| renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(wanted)).unwrap())
 }
 
-/// Errors of all pixels as multiples of the budget: the quantile 99.9 %, and the largest.
+/// Returns the 99.9 % quantile and the maximum of the errors of all pixels, as multiples of the budget.
 fn errors([exact, drawn]: &[Frame; 2], image: usize) -> [f64; 2] {
     let [exact, drawn] = [exact, drawn].map(|frame| frame.images[image].hdr.as_ref().unwrap());
     let mut errors: Vec<f64> = exact
@@ -44,7 +44,7 @@ fn errors([exact, drawn]: &[Frame; 2], image: usize) -> [f64; 2] {
     [errors[(errors.len() - 1) * 999 / 1000], *errors.last().unwrap()]
 }
 
-/// Sum of the light of an image, lx.
+/// Returns the light of an image, lx.
 fn light_lx(frame: &Frame, image: usize) -> f64 {
     let pixels = frame.images[image].hdr.as_ref().unwrap();
     pixels.iter().map(|pixel| f64::from(pixel[1]) * f64::from(pixel[3])).sum()
@@ -54,7 +54,7 @@ fn light_lx(frame: &Frame, image: usize) -> f64 {
 fn streamed_light_is_within_its_budget() {
     let mut renderer = renderer();
     let small = "views=[{ name = 'dome', type = 'dome_master', size = [512, 512] }, { name = 'flat', type = 'perspective', size = [640, 360], fov_y_deg = 60 }]";
-    // Night, night with the Moon, and dusk at a place on the Earth; then space.
+    // The scenes are a night, a night with the Moon, and dusk at a place on the Earth, and then space.
     for (name, set) in [
         ("tonight.toml", "scene.time='2026-01-03T22:00:00Z'"),
         ("tonight.toml", "scene.time='2026-11-20T20:00:00Z'"),
@@ -109,7 +109,8 @@ fn each_encoding_gets_its_own_budget() {
     assert_eq!(drawn(&[views], [Encoding::Rgb32f; 2]), (None, None), "streams are exact by default");
 }
 
-/// The largest relative error of the light of the brightest stars of a flat view, each weighted by the profile of its image.
+/// Returns the largest relative error of the light of the brightest stars in a flat view. The pixels of each star are weighted by the profile of its
+/// image.
 fn worst_light(renderer: &mut Renderer, set: &[&str]) -> f64 {
     let frames = draw(renderer, "perspective.toml", set);
     assert!(frames[1].plan.budget.is_some(), "the streamed image is not exact");
@@ -143,11 +144,11 @@ fn the_light_of_stars_is_exact_within_the_budget() {
     let worst = worst_light(&mut renderer, &[&set[..], &["glare.fraction=1e-6"]].concat());
     println!("{STARS} stars: largest relative error of their light {worst:.1e}");
     assert!(worst < 1e-4, "{worst}");
-    // The budget allows an error of the veil behind the faintest of them, which counts as their light.
+    // The budget allows an error of the veil behind the faintest of these stars, which is counted as their light.
     let veiled = worst_light(&mut renderer, &set);
     println!("{STARS} stars with glare: largest relative error of their light {veiled:.1e}");
     assert!(veiled < 7e-4, "{veiled}");
-    // A map that also contains brighter stars shifts their light.
+    // A map that contains brighter stars too would change their light.
     let coarse = worst_light(&mut renderer, &[&set[..], &["accuracy.hdr_floor_cd_m2=0.01"]].concat());
     assert!(coarse > 1e-3, "{coarse}");
 }

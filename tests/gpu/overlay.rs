@@ -50,7 +50,7 @@ fn rig_of(views: Vec<(&str, ViewKind)>) -> Rig {
     Rig::new(views.into_iter().map(view).collect()).unwrap()
 }
 
-/// A few stars, and a rotated camera.
+/// Returns a scene with a few stars and a rotated camera.
 fn scene(overlay: Overlay, bodies: Vec<Body>) -> SceneSnapshot {
     let objects = SceneObjects {
         bodies: bodies.into_iter().map(Arc::new).collect(),
@@ -84,7 +84,7 @@ fn style(colour: [u8; 3], width_px: f64, opacity: f64) -> LineStyle {
     LineStyle { colour: Colour(colour), width_px, opacity }
 }
 
-/// A large translucent picture and a fine one that is rolled, of an odd size.
+/// Returns a large translucent picture, and a fine, rolled picture with an odd size.
 fn pictures() -> Vec<Picture> {
     let smooth = |size: [u32; 2]| {
         let texel = |index: u32| {
@@ -134,7 +134,7 @@ fn everything() -> Overlay {
     }
 }
 
-/// The CPU reference of a viewport: the overlay drawn over the display image of a frame without overlays.
+/// Returns the CPU reference for a viewport: the overlay drawn over the display image of a frame without overlays.
 fn twin(plan: &OverlayPlan, rig: &Rig, scene: &SceneSnapshot, index: usize, below: &FrameImage) -> Vec<u8> {
     let viewport = &rig.viewports(scene.camera.world_from_camera)[index];
     let mut codes = below.display.clone().unwrap();
@@ -167,7 +167,7 @@ fn display_codes_equal_the_reference_and_hdr_is_unchanged() {
     let before = render(&mut renderer, &plain, &rig);
     let after = render(&mut renderer, &drawn, &rig);
     let plan = plan_of(&drawn, &rig);
-    // Lines that are a quarter of a pixel too wide.
+    // Make the lines a quarter of a pixel too wide.
     let mut wider = (*plan).clone();
     for item in &mut wider.items {
         if let Shape::Line { half_width_px, .. } = &mut item.shape {
@@ -184,7 +184,7 @@ fn display_codes_equal_the_reference_and_hdr_is_unchanged() {
         assert!(difference(codes, below.display.as_ref().unwrap()).1 > 1000, "{name}: nothing is drawn");
         let expected = twin(&plan, &rig, &drawn, index, below);
         let (most, count) = difference(codes, &expected);
-        println!("{name}: at most {most} codes, {count} of {} differ", codes.len());
+        println!("{name}: {count} of {} codes differ, by at most {most}", codes.len());
         assert!(most <= 1, "{name}: {most} codes");
         assert!(count * 200 < codes.len(), "{name}: {count} codes differ");
         // A wrong picture must fail the comparison.
@@ -192,7 +192,7 @@ fn display_codes_equal_the_reference_and_hdr_is_unchanged() {
         assert!(most > 5, "{name}: wider lines make {most} codes");
     }
     assert_eq!(after.exposure_ev100.to_bits(), before.exposure_ev100.to_bits());
-    // Without overlays, the display images are the same as before.
+    // When the overlays are removed, the display images are the same as before.
     let again = render(&mut renderer, &plain, &rig);
     for (a, b) in again.images.iter().zip(&before.images) {
         assert!(a.display == b.display, "the display image without overlays has changed");
@@ -218,13 +218,13 @@ fn a_test_pattern_appears_only_in_its_view() {
     }
 }
 
-/// Coverage of every pixel by white lines on a black sky.
+/// Returns the coverage of every pixel by white lines on a black sky.
 fn coverage(image: &FrameImage) -> Vec<f64> {
     let codes = image.display.as_ref().unwrap();
     codes.chunks(4).map(|pixel| linear_from_srgb(f64::from(pixel[1]) / 255.0)).collect()
 }
 
-/// A black sky with white lines.
+/// Returns a black sky with white lines.
 fn dark_sky(overlay: Overlay) -> SceneSnapshot {
     let lit = scene(overlay, vec![]);
     SceneSnapshot { stars: snapshot(vec![]).stars, ..lit }
@@ -239,7 +239,7 @@ fn lines_have_their_position_and_width_in_every_projection() {
     let sky = dark_sky(Overlay { grids: vec![grid(GridKind::Galactic)], ..Overlay::default() });
     let frame = render(&mut renderer(), &sky, &rig);
     let viewports = rig.viewports(sky.camera.world_from_camera);
-    // The galactic equator and four meridians.
+    // Draw the galactic equator and four meridians.
     let galactic = steradian::coordinates::icrs_from_galactic();
     let circle = |index: usize, angle: f64| match index {
         0 => galactic * direction_from_lon_lat(angle, 0.0),
@@ -262,7 +262,7 @@ fn lines_have_their_position_and_width_in_every_projection() {
             for step in 0..90 {
                 let angle = f64::from(step) * PI / 45.0 + 0.011;
                 let Some(pixel) = pixel_at(index, angle) else { continue };
-                // Only places where the line is nearly straight, away from other lines, and inside of the picture.
+                // Use only positions at which the line is nearly straight, away from other lines, and inside of the picture.
                 let ends = [pixel_at(index, angle - 0.01), pixel_at(index, angle + 0.01)];
                 let [Some(before), Some(after)] = ends else { continue };
                 let reach = 7.0;
@@ -280,7 +280,7 @@ fn lines_have_their_position_and_width_in_every_projection() {
                 }
                 let normal = (after - before).normalize().perp();
                 let tangent = (after - before).normalize();
-                // Weighted by a Gaussian along the line and equally across it, the sum over pixels approximates the integral.
+                // The sum over pixels, weighted by a Gaussian along the line and equally across it, approximates the integral.
                 let (mut sum, mut moment) = (0.0, 0.0);
                 let mut rim = false;
                 for dy in -7..=7 {
@@ -304,7 +304,7 @@ fn lines_have_their_position_and_width_in_every_projection() {
                 let (off_px, measured) = (moment / sum, sum);
                 worst_off_px = worst_off_px.max(off_px.abs());
                 worst_width = worst_width.max((measured / width_px - 1.0).abs());
-                assert!(off_px.abs() < 0.1, "{name}: line {off_px} px off at {pixel}");
+                assert!(off_px.abs() < 0.1, "{name}: the line is {off_px} px off at {pixel}");
                 assert!((measured / width_px - 1.0).abs() < 0.06, "{name}: {measured} px wide at {pixel}");
             }
         }
@@ -319,7 +319,7 @@ fn lines_have_their_position_and_width_in_every_projection() {
 fn bodies_hide_what_is_behind_them() {
     let rig = rig_of(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.8 })]);
     let camera = Camera::default();
-    // A black ball with a radius of about 24 pixels, straight ahead, with one line in front of it and one behind.
+    // Returns a scene with a black ball straight ahead, which has a radius of about 24 pixels. One line is in front of it and one behind it.
     let mut ball = Body::preset(SolarBody::Moon, "ball", DVec3::NEG_Z * 1e8);
     ball.radii_m = DVec3::splat(1e7);
     ball.surface.geometric_albedo = [0.0; 3];
@@ -364,7 +364,7 @@ fn bodies_hide_what_is_behind_them() {
             assert_eq!(code(hidden, inside), [0; 3], "{name}");
         }
     }
-    // The label of the ball is drawn in front of it: inside of the disc, to the right of its point and above.
+    // The label of the ball is drawn in front of it: inside of the disc, above and to the right of the labelled point.
     assert_eq!(code(hidden, centre_px(0.0, 0.06) + DVec2::new(6.0, -6.0)), [255, 255, 0]);
 }
 
@@ -380,7 +380,7 @@ fn the_limb_of_a_body_hides_lines_by_pixel_coverage() {
     let sky = SceneSnapshot { camera: Camera::default(), stars: snapshot(vec![]).stars, ..scene(overlay, vec![ball]) };
     let frame = render(&mut renderer(), &sky, &rig);
     let open = coverage(&frame.images[0]);
-    // Share of a pixel outside of a disc around the centre of the image.
+    // Returns the share of a pixel that is outside of a disc around the centre of the image.
     let outside = |x: usize, y: usize, radius_px: f64| {
         let offset_px = |corner: usize, part: usize| corner as f64 + (part as f64 + 0.5) / 32.0 - 100.0;
         let parts = (0..32).flat_map(|j| (0..32).map(move |i| (i, j)));
@@ -405,8 +405,7 @@ fn lines_have_no_gap_at_seams_and_cube_edges() {
     let grid = Grid { numbers: false, ..Grid::new(GridKind::Altitude, 3, style([255; 3], 3.0, 1.0)) };
     let sky = dark_sky(Overlay { grids: vec![grid], ..Overlay::default() });
     let frame = render(&mut renderer(), &sky, &rig);
-    // The horizon crosses every column at the same height. The meridian behind the camera lies on the seam, half of it on
-    // each side.
+    // The horizon crosses every column at the same height. The meridian behind the camera is on the seam, with half of its width on each side.
     let sphere = coverage(&frame.images[0]);
     for x in 0..240 {
         assert!(sphere[60 * 240 + x] > 0.99 && sphere[59 * 240 + x] > 0.99, "a gap in the horizon at {x}");

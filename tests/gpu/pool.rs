@@ -1,4 +1,4 @@
-//! The pool that lends renderers to tests.
+//! Tests the pool that lends renderers to tests.
 
 use glam::DVec3;
 use steradian::{gpu::GpuOptions, plan::settings::StarMethod, render::Renderer, view::ViewKind};

@@ -17,13 +17,13 @@ use steradian::{
 
 use crate::common::{configured, new_renderer};
 
-/// A test that waits longer hangs.
+/// A test that waits longer than this has failed.
 const HANGS: Duration = Duration::from_secs(300);
 
 const SMALL_CATALOGUE: &str = "scene.catalogues=[\"builtin:bright\"]";
 
-/// Number of pipelines that `prepare` creates for a configuration, and number of further ones that the first frame
-/// creates.
+/// Returns the number of pipelines that `prepare` creates for a configuration, and the number of pipelines that the
+/// first frame creates afterwards.
 fn made(file: &str, set: &[&str]) -> [u64; 2] {
     let (scene, rig, settings) = configured(file, &[&[SMALL_CATALOGUE], set].concat());
     let mut renderer = new_renderer();
@@ -62,7 +62,7 @@ fn the_first_frame_creates_no_further_pipelines() {
 
 #[test]
 fn a_frame_creates_pipelines_that_were_not_prepared() {
-    // Shows that the counter works.
+    // Check that the counter works.
     let (scene, rig, settings) = configured("dome.toml", &[SMALL_CATALOGUE, "views.dome.size=[64,64]"]);
     let mut renderer = new_renderer();
     let wanted = Wanted { display: true, ..Wanted::default() };
@@ -72,7 +72,7 @@ fn a_frame_creates_pipelines_that_were_not_prepared() {
 
 #[test]
 fn exact_images_have_their_pipelines_after_the_first_frame() {
-    // In even smaller pictures, display images and exact ones would be the same.
+    // The pictures must not be even smaller, because display images and exact ones would then be the same.
     let cases: [(&str, &[&str]); 2] = [
         ("dome.toml", &["views.dome.size=[256,256]"]),
         ("tonight.toml", &["views.dome.size=[256,256]", "views.south.size=[256,144]"]),
@@ -94,7 +94,7 @@ fn exact_images_have_their_pipelines_after_the_first_frame() {
     }
 }
 
-/// The group of a rig with one view.
+/// Returns the frame group of a rig with one view.
 fn group(rig: &Rig, settings: &RenderSettings) -> FrameGroup {
     FrameGroup {
         views: vec![0],
@@ -124,7 +124,7 @@ fn frames_create_the_pipelines_of_a_later_scene() {
         assert!(begun.elapsed() < HANGS, "the pipelines are never complete");
     }
     assert!(frames > 1, "one frame created all of them");
-    // Nothing is left to wait for.
+    // All pipelines exist, so there is nothing left to wait for.
     ahead.wait();
     let prepared = renderer.gpu().made().pipelines;
     renderer.warm_up(&later, &rig, &settings, wanted).unwrap();

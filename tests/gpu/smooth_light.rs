@@ -51,13 +51,13 @@ fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, output: Outpu
     renderer.render(request.drawn_for(output).sky_map(sky_map)).unwrap()
 }
 
-/// Sum of the light of a frame, lx.
+/// Returns the light of a frame, lx.
 fn light_lx(frame: &Frame) -> f64 {
     let pixels = frame.images.iter().flat_map(|image| image.hdr.as_ref().unwrap());
     pixels.map(|pixel| f64::from(pixel[1]) * f64::from(pixel[3])).sum()
 }
 
-/// Directions of the view towards faces, edges and corners of the map.
+/// Returns view directions towards faces, edges and corners of the map.
 fn directions() -> [DQuat; 4] {
     [DVec3::Z, DVec3::new(1.0, 1.0, 0.0), DVec3::new(-1.0, -1.0, 1.0), DVec3::new(0.3, -2.0, 0.7)]
         .map(|towards| DQuat::from_rotation_arc(DVec3::NEG_Z, towards.normalize()))
@@ -93,7 +93,7 @@ fn the_map_keeps_the_error_budget_and_the_light_of_a_dome() {
     }
 }
 
-/// Without glare, display images also use the map of faint stars.
+/// Display images use the map of faint stars even without glare.
 #[test]
 fn a_dome_without_glare_also_uses_the_map() {
     let rig = rig(vec![dome(512)]);
@@ -152,7 +152,7 @@ fn a_map_built_over_several_frames_is_the_same() {
     }
 }
 
-/// The map depends on the position of the camera.
+/// The map depends on the position of the camera, so it is drawn again if the camera moves.
 #[test]
 fn another_camera_position_has_another_map() {
     let rig = rig(vec![dome(512)]);
@@ -183,7 +183,7 @@ fn views_unsuitable_for_a_map_use_none() {
     }
 }
 
-/// The air dims stars near the horizon. Those that it dims below the limit of the map are not in the map, so the frame draws them.
+/// The air dims stars near the horizon. Stars that become fainter than the limit of the map only by this are not in the map, so the frame draws them.
 #[test]
 fn stars_that_the_air_dims_are_drawn_beside_the_map() {
     let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
@@ -197,7 +197,7 @@ fn stars_that_the_air_dims_are_drawn_beside_the_map() {
         let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr());
         renderer.render(request.drawn_for(Output::Display).sky_map(sky_map)).unwrap()
     };
-    // Light from altitudes of 4 to 12 degrees.
+    // Sum the light from altitudes of 4 to 12 degrees.
     let near_horizon_lx = |frame: &Frame| -> f64 {
         let pixels = frame.images[0].hdr.as_ref().unwrap().iter().enumerate();
         let is_low = |index: usize| {
@@ -209,7 +209,7 @@ fn stars_that_the_air_dims_are_drawn_beside_the_map() {
     let map = frame(SkyMapUse::Wait, 30.0);
     assert!(map.views[0].stars_in_map > 100_000, "{}", map.views[0].stars_in_map);
     let [with_map, star_by_star] = [&map, &frame(SkyMapUse::Off, 30.0)].map(near_horizon_lx);
-    // Light of the stars alone: without those that are fainter than magnitude 0 there is nearly none.
+    // This is the light of the stars alone: without those fainter than magnitude 0, nearly no light remains.
     let of_stars = star_by_star - near_horizon_lx(&frame(SkyMapUse::Off, 0.0));
     let error = (with_map - star_by_star) / of_stars;
     println!("error of the light of stars near the horizon: {error:.1e}");

@@ -1,5 +1,4 @@
-//! Solid angles of pixels: f64 and the adapter compared with an independent table, with each other, and with closed
-//! forms.
+//! Compares the solid angles of pixels, computed in f64 and on the adapter, with an independent table, with each other, and with closed forms.
 
 use std::{f64::consts::PI, sync::LazyLock};
 
@@ -14,10 +13,10 @@ use steradian::{
     },
 };
 
-/// The device of all tests in this file.
+/// Device that all tests in this file share.
 static GPU: LazyLock<Gpu> = LazyLock::new(|| Gpu::open(&GpuOptions::default()).unwrap());
 
-/// The projection of a row of the reference table.
+/// Returns the projection for a row of the reference table.
 fn projection_of(name: &str, size: [u32; 2], parameters: &str) -> Projection {
     let values: Vec<(&str, f64)> = parameters
         .split(';')
@@ -74,7 +73,7 @@ fn references() -> Vec<Reference> {
     rows
 }
 
-/// Limit for f64 against the table. The worst error is 3.1e-9, because the table has a limited number of digits.
+/// Limit for the difference between f64 and the table. The worst difference is 3.1e-9, because the table has a limited number of digits.
 const F64_LIMIT: f64 = 1.3e-8;
 
 #[test]
@@ -154,8 +153,8 @@ fn the_adapter_agrees_with_f64_at_16k_and_at_256() {
                 }
             }
             println!("{name} {size}: solid angle {worst:.1e}, direction {worst_direction:.1e} rad");
-            // At the antipode of the equisolid full sphere and at the orthographic rim, pixels are about a hundred times as high as
-            // in the centre, and the precision of f32 limits their radius accordingly.
+            // At the antipode of the equisolid full sphere and at the orthographic rim, pixels are about a hundred times as high as in the centre,
+            // and the precision of f32 limits the accuracy of their radius accordingly.
             let stretched = name == "equisolid 360" || name == "orthographic 180";
             let limit = if stretched { 1e-5 } else { 1.4e-6 };
             assert!(worst_direction < limit, "{name} {size}: direction {worst_direction}");
@@ -198,8 +197,8 @@ fn pixels_sum_to_the_closed_form() {
         let sum: f64 = (0..height).map(|y| (0..width).map(|x| mapping.solid_angle_sr(x, y)).sum::<f64>()).sum();
         let error = (sum / projection.picture_solid_angle_sr() - 1.0).abs();
         println!("{name}: relative error of the sum over pixels {error:.1e}");
-        // The area of a circle 1024 pixels wide differs from the area of its pixels by up to 5e-5, which matters more at the
-        // orthographic rim.
+        // The area of a circle 1024 pixels wide differs from the total area of its pixels by up to 5e-5. At the orthographic rim this has a larger
+        // effect.
         let limit = match &projection {
             Projection::Fisheye(f) if f.mapping == FisheyeMapping::Orthographic => 1e-3,
             Projection::Fisheye(_) => 1e-4,
@@ -209,7 +208,7 @@ fn pixels_sum_to_the_closed_form() {
     }
 }
 
-/// The same at 4096 pixels, for fisheyes.
+/// Compare fisheyes with 4096 pixels in the same way.
 #[test]
 fn pixels_of_fisheyes_sum_to_the_closed_form_at_4k() {
     for (name, projection, limit) in [

@@ -1,4 +1,4 @@
-//! In a steady state no GPU objects are created: frames reuse the buffers, bind groups and pipelines of earlier ones.
+//! In a steady state no GPU objects are created, because frames reuse the buffers, bind groups and pipelines of earlier ones.
 
 use std::collections::VecDeque;
 
@@ -10,7 +10,7 @@ use steradian::{
 
 use crate::common::{configured, renderer_with};
 
-/// Frames until all objects exist. A rotated view can need more objects, because its tiles contain more items.
+/// Number of frames after which all objects exist. It is more than one, because a rotated view can need more objects if its tiles contain more items.
 const WARM_FRAMES: usize = 4;
 
 /// Draws frames of a configuration while the camera turns, `in_flight` at a time.
@@ -20,7 +20,7 @@ fn drawn(renderer: &mut Renderer, file: &str, overrides: &[&str], frames: usize,
     let mut submitted = VecDeque::new();
     let mut drawn = Vec::new();
     for frame in 0..frames {
-        // Back and forth, so that the contents of the views do not grow.
+        // Turn back and forth, so that the contents of the views do not grow.
         let angle_rad = [0.0, 1e-3][frame % 2];
         scene.camera.world_from_camera = from * DQuat::from_rotation_y(angle_rad);
         submitted.push_back(renderer.submit(FrameRequest::new(&scene, &rig).settings(&settings)).unwrap());
@@ -41,8 +41,7 @@ const DOME: &str = "views.dome.size=[96,96]";
 const FACE: &str = "views.0.face_size=48";
 const FEW_STARS: &str = "scene.catalogues=[\"builtin:bright\"]";
 
-/// Asserts equal passes, counts and display images of two frames. Bits are not compared for the method that is not
-/// deterministic.
+/// Asserts equal passes, counts and display images of two frames. The images are not compared bit by bit for the method that is not deterministic.
 fn assert_same(one: &Frame, two: &Frame, case: &str) {
     let counts = |frame: &Frame| -> Vec<_> {
         frame.views.iter().map(|view| (view.stars_drawn, view.asteroids.clone())).collect()
@@ -50,7 +49,7 @@ fn assert_same(one: &Frame, two: &Frame, case: &str) {
     assert_eq!(counts(one), counts(two), "{case}");
     let passes = |frame: &Frame| -> Vec<_> { frame.times.passes_ms.iter().map(|(name, _)| *name).collect() };
     assert_eq!(passes(one), passes(two), "{case}");
-    // This method loses different stars depending on the order of the threads.
+    // Which stars this method loses depends on the order of the threads.
     if case.contains("packed_cas") {
         return;
     }
@@ -63,13 +62,13 @@ fn assert_same(one: &Frame, two: &Frame, case: &str) {
 /// pictures.
 fn assert_steady(cases: &[(&str, &[&str])]) {
     for (file, overrides) in cases {
-        // A small binding limit, so that there are several tiles and batches.
+        // Use a small binding limit, so that there are several tiles and batches.
         let options = GpuOptions { binding_limit_bytes: Some(1 << 20), ..GpuOptions::default() };
         let frames = [1, 2].map(|in_flight| {
             let mut renderer = renderer_with(&options);
             let frames = drawn(&mut renderer, file, overrides, WARM_FRAMES + 4, in_flight);
             let made = made(&frames);
-            println!("{file} {overrides:?}, {in_flight} at a time: {made:?}");
+            println!("{file} {overrides:?}, {in_flight} frames at a time: objects created by each frame {made:?}");
             let has_earlier_objects = in_flight == 2;
             assert!(
                 has_earlier_objects || made[0] > 0,

@@ -1,5 +1,5 @@
-//! Tabulated projections on the adapter. A table of a projection that has a closed form gives the same picture as the
-//! closed form, in every technique; a map without closed form agrees with the f64 reference and keeps the light of all stars.
+//! Tabulated projections on the adapter. If a projection has a closed form, its table gives the same picture as the closed form, in every technique.
+//! A map without closed form agrees with the f64 reference, and keeps the light of all stars.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -34,7 +34,7 @@ fn tabulated(mapping: &Arc<TabulatedMapping>) -> ViewKind {
     ViewKind::Tabulated { mapping: Arc::clone(mapping) }
 }
 
-/// Projections as closed form and as table.
+/// Returns projections, each as closed form and as table.
 fn pairs() -> Vec<(&'static str, ViewKind, Arc<TabulatedMapping>)> {
     let [flat, round] = [[120, 90], [128, 128]];
     let fisheye = Fisheye::new(round, FisheyeMapping::Equidistant, PI).unwrap();
@@ -52,7 +52,7 @@ fn pairs() -> Vec<(&'static str, ViewKind, Arc<TabulatedMapping>)> {
     ]
 }
 
-/// Centroid of the light of an image, pixels.
+/// Returns the centroid of the light of an image, pixels.
 fn centroid(image: &FrameImage) -> DVec2 {
     let (mut sum, mut weighted) = (0.0, DVec2::ZERO);
     for (index, [r, g, b, omega]) in image.hdr.as_ref().unwrap().iter().enumerate() {
@@ -85,14 +85,14 @@ fn stars_of_tables_have_the_position_and_light_of_closed_forms() {
     assert!(worst_px < 8e-5 && worst_light < 1e-6, "{worst_px} px, {worst_light}");
 }
 
-/// Number of stars that each view of a rig draws, for one star near the view axis.
+/// Returns the number of stars that each view of a rig draws. The scene has one star near the view axis.
 fn frame_counts(renderer: &mut Renderer, rig: &Rig) -> Vec<u64> {
     let sky = snapshot(vec![star(DVec3::new(0.1, 0.05, -1.0), 3.0)]);
     let frame = render_hdr(renderer, &sky, rig, &settings(StarMethod::BSpline));
     frame.views.iter().map(|view| view.stars_drawn).collect()
 }
 
-/// Sum of the differences between two images over the sum of the first.
+/// Returns the sum of the differences between two images divided by the sum of the first.
 fn difference(closed: &FrameImage, other: &FrameImage) -> f64 {
     let [closed, other] = [closed, other].map(|image| image.hdr.as_ref().unwrap());
     let light = |pixel: &[f32; 4]| f64::from(pixel[0] + pixel[1] + pixel[2]);
@@ -100,7 +100,7 @@ fn difference(closed: &FrameImage, other: &FrameImage) -> f64 {
     apart / closed.iter().map(light).sum::<f64>()
 }
 
-/// Largest difference of a code between two display images, and the share of codes that differ by more than one.
+/// Returns the largest difference of a code between two display images, and the share of codes that differ by more than one.
 fn code_difference(closed: &FrameImage, other: &FrameImage) -> (u8, f64) {
     let [closed, other] = [closed, other].map(|image| image.display.as_ref().unwrap());
     let apart: Vec<u8> = closed.iter().zip(other).map(|(a, b)| a.abs_diff(*b)).collect();
@@ -112,7 +112,7 @@ fn frame(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &R
     renderer.render(FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::both())).unwrap()
 }
 
-/// The scene of a configuration, with fewer stars.
+/// Returns the scene of a configuration, with fewer stars.
 fn scene_of(file: &str, set: &[&str]) -> (SceneSnapshot, RenderSettings) {
     let few = ["scene.catalogues=[\"builtin:bright\"]"];
     let (scene, _, settings) = configured(file, &[&few[..], set].concat());
@@ -122,10 +122,10 @@ fn scene_of(file: &str, set: &[&str]) -> (SceneSnapshot, RenderSettings) {
 #[test]
 fn tables_equal_closed_forms_in_every_technique() {
     let mut renderer = renderer();
-    // Bounds are four times the measured values.
+    // The bounds are four times the measured values.
     let methods = [
         (StarMethod::Auto, GlareMethod::SkyCube, 7e-5),
-        // At the rim, its texels lie on the corners of pixels, where the table is less accurate than the closed form.
+        // At the rim, the texels of this picture are on the corners of pixels, where the table is less accurate than the closed form.
         (StarMethod::BSpline, GlareMethod::ViewPyramid, 8e-3),
         (StarMethod::Tent, GlareMethod::ScreenPyramid, 9e-5),
         (StarMethod::PixelGaussian, GlareMethod::None, 1.4e-4),
@@ -152,14 +152,14 @@ fn tables_equal_closed_forms_in_every_technique() {
             let [of_closed, of_table] = [0, 1].map(|view: usize| frame.views[view].stars_drawn);
             assert!(
                 of_closed.abs_diff(of_table) <= 2,
-                "{stars:?}: {of_closed} stars by the closed form, {of_table} by the table"
+                "{stars:?}: {of_closed} stars with the closed form, {of_table} with the table"
             );
         }
     }
 }
 
-/// If only display images are requested, the veil of bright stars is in the sums, and the rest is interpolated on a grid,
-/// some points of which are outside of a round picture.
+/// If only display images are requested, the veil of bright stars is added to the sums, and the remaining veil is interpolated on a grid. Some points
+/// of the grid are outside of a round picture.
 #[test]
 fn veils_of_tables_equal_closed_forms_in_display_images() {
     let mut renderer = renderer();
@@ -210,7 +210,7 @@ fn bodies_and_asteroids_of_tables_equal_closed_forms() {
         let frame = frame(&mut renderer, &scene, &rig, &settings);
         let apart = difference(&frame.images[0], &frame.images[1]);
         println!("{name}: relative difference {apart:.1e}");
-        // The closed form draws small asteroids without cube faces, so their edges differ by a fraction of a sample.
+        // With the closed form, small asteroids are drawn without cube faces, so their edges differ by a fraction of a sample.
         assert!(apart < 0.02, "{name}: {apart}");
     }
 }
@@ -223,7 +223,7 @@ const TWIN_BOUND: f64 = 0.0125;
 fn a_table_without_closed_form_equals_the_reference() {
     let table = table(Hammer(HEIGHT));
     let rig = rig(vec![("hammer", tabulated(&table))]);
-    // Away from the poles, where the mapping has no derivative.
+    // Stay away from the poles, where the mapping has no derivative.
     let places = spiral(4000).filter(|at| at.y.abs() < 0.97);
     let sky = snapshot(places.map(|at| star(at, 4.0)).collect());
     let frame = render_hdr(&mut renderer(), &sky, &rig, &settings(StarMethod::BSpline));
@@ -244,7 +244,7 @@ fn a_tabulated_whole_sphere_keeps_the_light_of_all_stars() {
     let rig = rig(vec![("hammer", tabulated(&table))]);
     let mut renderer = renderer();
     let all: Vec<_> = spiral(20_000).map(|at| star(at, 5.0)).collect();
-    // On the cut behind the eye and within the precision of f32 of it, from pole to pole.
+    // Use directions on the cut behind the eye, and within the precision of f32 from it, from pole to pole.
     let on_cut = |angle: f64, side: f64| DVec3::new(side, angle.sin(), angle.cos());
     let at_cut = [0.0, 1e-7, -1e-7, 1e-3, -1e-3, 0.02, -0.02]
         .into_iter()
@@ -267,7 +267,8 @@ fn a_tabulated_whole_sphere_keeps_the_light_of_all_stars() {
 fn the_search_on_the_adapter_equals_the_f64_search() {
     let gpu = Gpu::open(&GpuOptions::default()).unwrap();
     let fisheye = Fisheye::new([256, 256], FisheyeMapping::Equisolid, 3.5).unwrap();
-    // Bounds in pixels, four times the measured values: f32 search against f64 search, and against the mapping.
+    // Bounds, pixels, of four times the measured differences between the search in f32 and that in f64, and between the search in f32 and the
+    // mapping.
     for (table, bounds_px) in [(table(fisheye), [1.2e-4, 1.5e-4]), (table(Hammer(256)), [5e-4, 7e-3])] {
         let projection = Projection::Tabulated(Arc::clone(&table));
         let viewport = Viewport {
@@ -311,7 +312,7 @@ fn the_search_on_the_adapter_equals_the_f64_search() {
             }
         }
         println!(
-            "{table:?}: {} directions, {to_search:.1e} px from the f64 search, {to_mapping:.1e} px from the mapping, solid angle {omega:.1e}, direction {to_direction:.1e}",
+            "{table:?}: {} directions, errors: {to_search:.1e} px from the f64 search, {to_mapping:.1e} px from the mapping, solid angle {omega:.1e}, direction {to_direction:.1e}",
             probes.len()
         );
         assert!(to_search < bounds_px[0] && to_mapping < bounds_px[1], "{table:?}: {to_search} {to_mapping}");
@@ -357,8 +358,8 @@ fn views_that_tables_do_not_support_are_refused_by_name() {
     assert!(error.contains("view `window`") && error.contains("reach"), "{error}");
 }
 
-/// Six tables of half a megabyte with bindings of less than two megabytes: each view shows its star at the position that
-/// its own table has for it.
+/// There are six tables of half a megabyte, and bindings of less than two megabytes. Each view shows its star at the position that its own table
+/// gives.
 #[test]
 fn tables_too_large_for_a_binding_are_in_a_texture() {
     let limit_bytes = 7 << 18;

@@ -1,4 +1,4 @@
-//! The light of stars through six overlapping projectors, for each way of delivering and drawing their calibration.
+//! Measures the light of stars through six overlapping projectors, for each way of delivering and drawing their calibration.
 //!
 //! Light is weighted with solid angles of the closed form, not with those that the program derives from the files.
 
@@ -21,7 +21,7 @@ use crate::common::{
 
 const SIZE: [u32; 2] = [320, 200];
 const STARS: usize = 200;
-/// Radius around a star that contains all its light, pixels.
+/// Radius around a star within which all of its light is, pixels.
 const PATCH_PX: i64 = 5;
 
 /// A star that is visible on the dome.
@@ -60,11 +60,11 @@ fn catalogue(stars: &[Star]) -> String {
     text
 }
 
-/// Measurements of all stars for one way of delivery.
+/// Measurements of all stars for one way of delivering the calibration.
 struct Measured {
-    /// Light of each star over that of the catalogue.
+    /// Light of each star divided by its light in the catalogue.
     light: Vec<f64>,
-    /// The same if every pixel had the share that the masks encode, from the closed form.
+    /// The same ratio, computed from the closed form, if every pixel had the share that the masks encode.
     encoded: Vec<f64>,
     /// Distance from the star to the centroid of its light, and root mean square of the angle from the centroid, in pixels of the projector with the largest share.
     centroids_px: Vec<f64>,
@@ -77,7 +77,7 @@ impl Measured {
         stars.iter().zip(&self.light).map(|(star, light)| star.light_lx * light).sum::<f64>() / sum
     }
 
-    /// Largest relative error of the light of a star, against the catalogue and against the shares that the masks encode.
+    /// Returns the largest relative error of the light of a star, compared with the catalogue, and with the shares that the masks encode.
     fn worst_light(&self) -> [f64; 2] {
         let worst = |ratio: &dyn Fn(usize) -> f64| {
             (0..self.light.len()).map(|star| (ratio(star) - 1.0).abs()).fold(0.0, f64::max)
@@ -189,11 +189,11 @@ impl OnProjector {
     }
 }
 
-/// Name, keys of the views, share that the masks encode for an exact share, and largest relative errors of the light:
-/// against the catalogue, and against the encoded shares.
+/// A way of delivery: its name, the keys of the views, the share that the masks encode for an exact share, and the limits of the relative errors of
+/// the light, compared with the catalogue and with the encoded shares.
 type Way<'a> = (&'a str, &'a str, &'a dyn Fn(f64) -> f64, [f64; 2]);
 
-/// `[[views]]` of all projectors; `{name}` in the keys is replaced by the name of each.
+/// Returns the `[[views]]` of all projectors. `{name}` in the keys is replaced by the name of the projector.
 fn views(projectors: &[Projector], keys: &str) -> String {
     projectors
         .iter()
@@ -223,7 +223,7 @@ fn stars_keep_their_light_through_the_blends_of_six_projectors() {
     write("sl.mpcdi", &sl.bytes(&projectors));
     for (own, projector) in projectors.iter().enumerate() {
         let name = &projector.name;
-        // Such programs multiply the codes of the display, whose gamma is 2.2.
+        // Programs that read such meshes multiply the codes of the display, whose gamma is 2.2, by the intensities.
         let intensity = |column: usize, row: usize| {
             share(&projectors, own, column as f64 / 128.0, row as f64 / 128.0).powf(1.0 / 2.2)
         };

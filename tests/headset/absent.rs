@@ -1,4 +1,4 @@
-//! Error messages for a missing loader, runtime or service, and for unsupported requests.
+//! Tests the error messages for a missing loader, runtime or service, and for unsupported requests.
 
 use std::process::Command;
 
@@ -28,12 +28,12 @@ fov_y_deg = 60.0
 enabled = true
 "#;
 
-/// Exit code of the contract: bad usage or configuration.
+/// Exit code for bad usage or configuration, as documented.
 const BAD_USAGE: i32 = 64;
-/// Exit code of the contract: no usable adapter, or no headset.
+/// Exit code if there is no usable adapter or no headset, as documented.
 const NO_ADAPTER: i32 = 69;
 
-/// Asserts that the program ended with a code and one error line that contains these texts.
+/// Asserts that the program ended with this exit code and an error line that contains these texts.
 fn assert_fails(ended: &Ended, code: i32, texts: &[&str]) {
     let error = ended.err.lines().find(|line| line.starts_with("error: ")).unwrap_or_else(|| panic!("{ended:?}"));
     println!("{code}: {error}");
@@ -77,10 +77,10 @@ fn xr_reports_missing_parts(monado: &'static Monado) {
 
     service.restart();
     let ended = run(service.command(executable()));
-    assert_eq!(ended.code, Some(0), "with all parts present: {ended:?}");
+    assert_eq!(ended.code, Some(0), "although all parts are present: {ended:?}");
 }
 
-/// Returns a command whose program finds an invalid loader.
+/// Returns a command for a program that finds only an invalid loader.
 fn without_loader(monado: &Monado) -> (tempfile::TempDir, Command) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("libopenxr_loader.so.1"), "").unwrap();

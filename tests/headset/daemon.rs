@@ -1,4 +1,4 @@
-//! `serve` with a headset: the runtime starts late, ends, and returns, while the other views continue.
+//! Tests `serve` with a headset: the runtime starts late, ends, and returns, while the other views continue.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ pub const TESTS: &[Test] = &[
     Test::WithMonado("recentring_is_counted", recentring_is_counted),
 ];
 
-/// Bright stars in a flat view and in the headset.
+/// Configuration with bright stars in a flat view and in the headset.
 const SCENE: &str = r#"
 [scene]
 catalogues = ["builtin:bright"]
@@ -43,13 +43,14 @@ fn is_connected(headset: &HeadsetStats) -> bool {
     headset.status.as_ref().unwrap().connected
 }
 
-/// The runtime is killed ten times in one run: the daemon survives, the flat view's stream never stops, and the
-/// mirror's stream continues whenever the runtime is back. A lost session leaves no resources behind.
+/// The runtime is killed ten times while one daemon runs. The daemon survives, the stream of the flat view never stops,
+/// and the stream of the mirror continues whenever the runtime is back. The daemon releases the resources of lost
+/// sessions.
 fn killed_ten_times(monado: &'static Monado) {
     const ROUNDS: u64 = 10;
     let mut service = Service::remote(monado);
     let mut command = service.command(executable());
-    // Return free memory to the system at once, so that the resident memory is in use.
+    // Return free memory to the system at once, so that the resident memory is the memory in use.
     command.env("MALLOC_ARENA_MAX", "1").env("MALLOC_TRIM_THRESHOLD_", "131072");
     let mut daemon = Daemon::of(command, SCENE);
     daemon.wait_for_focus();
@@ -83,15 +84,18 @@ fn killed_ten_times(monado: &'static Monado) {
         assert_eq!((returned.sessions, returned.losses), (round + 1, round), "{returned:?}");
         assert!(returned.frames >= before.frames, "counts continue: {before:?}, {returned:?}");
         let now = daemon.program.resources();
-        println!("loss {round}: {}; {meanwhile} frames of the flat view meanwhile", status.reason);
+        println!("loss {round}: {}; {meanwhile} frames of the flat view until then", status.reason);
         println!("without: {without:?}, back: {now:?}");
-        assert!(without.threads < now.threads && without.files < now.files, "a lost session leaves nothing behind");
+        assert!(
+            without.threads < now.threads && without.files < now.files,
+            "the daemon releases the resources of a lost session"
+        );
         resources.push(now);
     }
     // A session with its device uses some 10 MiB, 10 threads, 3 files and 100 mappings: even a single leaked session
     // exceeds the limits.
     let (second, tenth) = (resources[2], resources[10]);
-    println!("back for the second time: {second:?}, for the tenth: {tenth:?}");
+    println!("after the second return: {second:?}, after the tenth: {tenth:?}");
     assert!(tenth.resident_kib < second.resident_kib + 8 * 1024, "{second:?}, {tenth:?}");
     for (before, after, more) in
         [(second.files, tenth.files, 2), (second.threads, tenth.threads, 4), (second.mappings, tenth.mappings, 60)]
@@ -107,11 +111,11 @@ fn killed_ten_times(monado: &'static Monado) {
     assert_eq!(ended.code, Some(0), "{}", ended.err);
 }
 
-/// The runtime dies just after a daemon has created its instance, or its session: the first is a failed attempt, the
-/// second a loss.
+/// The runtime dies just after a daemon has created its instance, which counts as a failed attempt, or just after the
+/// daemon has created its session, which counts as a loss.
 fn runtime_dies_early(monado: &'static Monado) {
     let mut service = Service::remote(monado);
-    // The first event is logged by the runtime's library, the second by the program.
+    // The runtime's library logs the first event, and the program logs the second.
     for (made, sessions) in [("Instance created", 0), ("headset: Monado", 1)] {
         let mut daemon = Daemon::start(&service, SCENE);
         daemon.program.wait_for_log(made, 1);
@@ -130,7 +134,7 @@ fn runtime_dies_early(monado: &'static Monado) {
     }
 }
 
-/// The eyes of `SCENE`: half of the size that the runtime recommends.
+/// Size of the eyes in `SCENE`: half of the size that the runtime recommends.
 const EYES: [(&str, [u32; 2]); 2] = [("left", [160, 120]), ("right", [160, 120])];
 
 fn assert_eyes(frame: &ReceivedFrame) {
@@ -181,7 +185,7 @@ fn runtime_comes_later(monado: &'static Monado) {
     assert_eq!(daemon.terminate().code, Some(0));
 }
 
-/// Streams of the eyes at two rates and of the flat view at the same time: each has a separate encoding and rate.
+/// Two streams of the eyes and one of the flat view run at the same time, each with its own encoding and rate.
 fn mirror_streams(monado: &'static Monado) {
     const SLOW_HZ: f64 = 1.0;
     let service = Service::remote(monado);
@@ -203,7 +207,10 @@ fn mirror_streams(monado: &'static Monado) {
     let shortest = Duration::from_secs_f64(0.9 / SLOW_HZ);
     for received in [&every, &slow] {
         let between = received.pose_times.windows(2).map(|two| two[1].duration_since(two[0]).unwrap());
-        assert!(between.clone().all(|between| between > Duration::ZERO), "every frame has a new pose: {received:?}");
+        assert!(
+            between.clone().all(|between| between > Duration::ZERO),
+            "every frame must have a new pose: {received:?}"
+        );
         assert_eq!(between.clone().all(|between| between >= shortest), std::ptr::eq(received, &slow), "{received:?}");
     }
     assert_eyes(&every.last.unwrap());
@@ -217,7 +224,7 @@ fn mirror_streams(monado: &'static Monado) {
     assert_eq!(daemon.terminate().code, Some(0));
 }
 
-/// Clients receive the number of moves of the room's origin.
+/// Clients are informed how often the origin of the room was moved.
 fn recentring_is_counted(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut daemon = Daemon::start(&service, SCENE);

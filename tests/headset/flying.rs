@@ -1,4 +1,5 @@
-//! Controllers fly the camera of `serve`: direction, speed, and interaction with clients that set the camera.
+//! The controllers steer the flight of the camera of `serve`: direction, speed, and interaction with clients that set
+//! the camera.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use steradian::{scene::Camera, service::CameraUpdate};
@@ -15,9 +16,10 @@ pub const TESTS: &[Test] = &[
 
 const SPEED_M_S: f64 = 20.0;
 const TURN_DEG_S: f64 = 90.0;
-/// Time between two refreshes of the null compositor's display, s. A slower frame is shown one or more refreshes later.
+/// Time between two refreshes of the null compositor's display, s. A frame that takes longer is shown one or more
+/// refreshes later.
 const REFRESH_S: f64 = 0.05;
-/// Maximum time step by which a frame moves the camera, s.
+/// Longest time step of the camera's movement per frame, s.
 const LONGEST_STEP_S: f64 = 0.1;
 
 fn scene() -> String {
@@ -43,7 +45,7 @@ turn_deg_s = {TURN_DEG_S:?}
 struct Flyer {
     daemon: Daemon,
     remote: Remote,
-    // Declared last, so that it ends after the daemon.
+    // Declared last, so that it is dropped after the daemon.
     _service: Service,
 }
 
@@ -57,7 +59,7 @@ impl Flyer {
 
     /// Waits for frames that begin after the call.
     fn wait_for_frames(&mut self, frames: u64) {
-        // One frame may have begun earlier.
+        // Add one, because a frame may have begun before the call.
         let until = self.daemon.headset().frames + frames + 1;
         self.daemon.wait_for_headset(|headset| headset.frames >= until);
     }
@@ -76,7 +78,7 @@ impl Flyer {
         }
     }
 
-    /// Returns the camera at some moment of a flight with the controllers in `state`, and some steps later.
+    /// Flies with the controllers in `state`. Returns the camera at some moment of the flight, and some steps later.
     fn fly(&mut self, state: &RemoteState) -> [Camera; 2] {
         // Set the head first, because it steers from the next frame on.
         self.rest(state.head);
@@ -125,7 +127,7 @@ fn controllers_fly(monado: &'static Monado) {
         ("up", state(level, [rest, [0.0, 1.0]], rest), DVec3::Y, 1.0),
         ("thrust", state(level, [rest, rest], [0.0, 1.0]), DVec3::NEG_Z, 1.0),
         ("thrust, boosted", state(level, [rest, rest], [1.0, 1.0]), DVec3::NEG_Z, 1000.0),
-        // A third of the range beyond the dead zone: one decade of three.
+        // The trigger is at a third of its range beyond the dead zone, which gives one of three decades.
         ("forwards, a third boosted", state(level, [[0.0, 1.0], rest], [0.15 + 0.85 / 3.0, 0.0]), DVec3::NEG_Z, 10.0),
         ("forwards, looking left", state(left, [[0.0, 1.0], rest], rest), DVec3::NEG_X, 1.0),
         ("right, looking left", state(left, [[1.0, 0.0], rest], rest), DVec3::NEG_Z, 1.0),
@@ -144,11 +146,12 @@ fn controllers_fly(monado: &'static Monado) {
         // The runtime's quaternions have the precision of f32.
         assert!((way_m.normalize() - direction).length() < 1e-6, "{case}: {way_m:?}");
         assert_eq!(after.world_from_camera, DQuat::IDENTITY, "{case}");
-        // Every step is the time between two frames as reported by the runtime: one refresh or more.
+        // The time step is the time between two frames, as reported by the runtime, which is one refresh or more.
         assert!(step_range_s.contains(&step_s), "{case}: {step_s}");
     }
 
-    // The camera turns about the head, which keeps its place. The local space is 1.6 m above the floor.
+    // The camera turns around the head, whose position does not change. The origin of the local space is 1.6 m above
+    // the floor.
     let [before, after] = flyer.fly(&state(left, [rest, [1.0, 0.0]], rest));
     let head_m = DVec3::new(0.3, 0.1, -0.2);
     let turned = after.world_from_camera * before.world_from_camera.conjugate();
@@ -165,24 +168,24 @@ fn controllers_fly(monado: &'static Monado) {
     let step_s = angle_deg / TURN_DEG_S / steps as f64;
     assert!(step_range_s.contains(&step_s), "{step_s}");
 
-    // The forward direction is the viewing direction of the turned wearer.
+    // After the turn, the forward direction is still the viewing direction of the wearer.
     let [before, after] = flyer.fly(&state(left, [[0.0, 1.0], rest], rest));
     let expected = before.world_from_camera * DVec3::NEG_X;
     assert!(((after.position_m - before.position_m).normalize() - expected).length() < 1e-6);
 
-    // A worn thumbstick does not move the camera.
+    // A worn thumbstick that does not return to the centre does not move the camera.
     let before = flyer.daemon.camera();
     flyer.remote.send(&state(level, [[0.14, -0.14], [-0.149, 0.1]], rest)).unwrap();
     flyer.wait_for_frames(10);
     assert_eq!(flyer.daemon.camera(), before);
-    // A slightly larger deflection moves it within the same wait.
+    // A slightly larger deflection moves the camera within the same waiting time.
     flyer.remote.send(&state(level, [[0.16, 0.0], rest], rest)).unwrap();
     flyer.wait_for_frames(10);
     assert!(flyer.daemon.camera().revision > before.revision + 5);
     assert_eq!(flyer.daemon.terminate().code, Some(0));
 }
 
-/// A client sets the camera during a flight: the client's position applies, and the flight continues from there.
+/// If a client sets the camera during a flight, the flight continues from the client's position.
 fn flight_and_clients(monado: &'static Monado) {
     let mut flyer = Flyer::start(monado);
     let forwards = state(RemoteState::default().head, [[0.0, 1.0], [0.0; 2]], [0.0; 2]);

@@ -1,4 +1,5 @@
-//! The program under test, started as a program of a service: its output, its end, and `serve` with a client.
+//! Runs the program under test as a program of a service, and reads its output and its exit code. Also runs `serve`
+//! with a client.
 
 use std::{
     fs::File,
@@ -18,7 +19,7 @@ use tokio::{runtime::Runtime, task::JoinHandle};
 
 use crate::monado::Service;
 
-/// Maximum time of a step of a program on a busy machine; most take less than a second.
+/// Time limit of a step of a program on a busy machine; most steps take less than a second.
 pub const LIMIT: Duration = Duration::from_secs(60);
 
 /// Returns the executable.
@@ -95,10 +96,10 @@ impl Program {
         self.read("err")
     }
 
-    /// Waits until its log contains a text this number of times.
+    /// Waits until its log contains a text `times` times.
     ///
     /// # Panics
-    /// If the program ends before, or takes too long.
+    /// If the program ends first, or takes too long.
     pub fn wait_for_log(&mut self, text: &str, times: usize) {
         let start = Instant::now();
         loop {
@@ -155,7 +156,7 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The program may have ended already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -310,7 +311,7 @@ impl Daemon {
         }
     }
 
-    /// Waits until the session has the focus: it shows frames and accepts input of the controllers.
+    /// Waits until the session has the focus, so that it shows frames and accepts input of the controllers.
     pub fn wait_for_focus(&mut self) -> HeadsetStats {
         self.wait_for_headset(|headset| headset.status.as_ref().is_some_and(|status| status.session_state == "focused"))
     }

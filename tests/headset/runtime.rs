@@ -1,4 +1,4 @@
-//! The runtime itself: it starts, receives the test's state, ends and restarts, and its absence is reported.
+//! Tests of the runtime itself: it starts, receives the test's state, ends and restarts, and its absence is reported.
 
 use std::{path::Path, time::Duration};
 
@@ -15,7 +15,7 @@ use crate::{
     wearer::Watcher,
 };
 
-/// Maximum time of an inner function; each takes less than a second on an idle machine.
+/// Time limit of an inner function. Each takes less than a second on an idle machine.
 const LIMIT: Duration = Duration::from_secs(120);
 
 pub const TESTS: &[Test] = &[
@@ -66,7 +66,7 @@ fn runtime_reports_its_properties(monado: &'static Monado) {
     }
 }
 
-/// Compares poses with a tolerance, because the runtime and the test combine them in f32.
+/// Compares parts of poses with a tolerance, because the runtime and the test combine poses in f32.
 fn assert_close(received: &[f64], sent: &[f32]) {
     assert_eq!(received.len(), sent.len());
     assert!(
@@ -75,7 +75,7 @@ fn assert_close(received: &[f64], sent: &[f32]) {
     );
 }
 
-/// During a session, the local space follows the position and heading of the head when the user recentres, and keeps
+/// When the user recentres during a session, the local space moves to the position and heading of the head, but keeps
 /// its height of 1.6 m.
 fn recentring_moves_the_local_space(monado: &'static Monado) {
     let service = Service::remote(monado);
@@ -119,7 +119,7 @@ fn service_outlives_programs(monado: &'static Monado) {
     }
 }
 
-/// A service that is not killed ends with its program.
+/// A service with this lifetime ends when its program ends, without being killed.
 fn service_ends_with_its_program(monado: &'static Monado) {
     let mut service = Service::start(monado, Driver::Simulated, Lifetime::UntilProgramLeaves);
     assert!(service.is_running());
@@ -164,7 +164,7 @@ fn failing_program_is_reported(monado: &'static Monado) {
     assert!(failure("describe_runtime", Duration::ZERO).contains("did not end in"));
 }
 
-/// The program itself runs through Monado's dynamic linker, and finds only Monado's Vulkan driver.
+/// Steradian runs through Monado's dynamic linker, and finds only Monado's Vulkan driver.
 fn steradian_runs_with_the_driver_of_monado(monado: &'static Monado) {
     let service = Service::simulated(monado);
     let mut command = service.command(Path::new(env!("CARGO_BIN_EXE_steradian")));
@@ -196,7 +196,8 @@ mod missing {
             .unwrap()
     }
 
-    /// Without Monado a test is reported as ignored with the reason, or fails with it if Monado is required.
+    /// Without Monado, a test is reported as ignored with the reason. If Monado is required, the test fails with this
+    /// reason.
     pub fn missing_runtime_is_reported() {
         let reason = "the folder for Monado cannot be created: /dev/null/monado";
         for required in ["", "0"] {

@@ -1,5 +1,5 @@
-//! Sessions: their states from beginning to end, their properties, and the loss of the runtime, for `xr` and for
-//! separate programs.
+//! Sessions of `xr` and of separate programs: their states from beginning to end, their properties, and the loss of the
+//! runtime.
 
 use steradian::plan::settings::{HeadsetSettings, ReferenceSpace};
 
@@ -69,7 +69,7 @@ fn states(ended: &Ended) -> Vec<&str> {
 const WHOLE_LIFE: [&str; 10] =
     ["idle", "ready", "synchronized", "visible", "focused", "visible", "synchronized", "stopping", "idle", "exiting"];
 
-/// The scene of the documentation, rocks above Mars, is drawn without frames left out.
+/// The scene of the documentation, rocks above Mars, is drawn without leaving out frames.
 fn example_is_shown(monado: &'static Monado) {
     let service = Service::simulated(monado);
     let example = include_str!("../../configs/headset.toml");
@@ -97,7 +97,7 @@ fn scene_cannot_be_drawn(monado: &'static Monado) {
     assert_eq!(daemon.terminate().code, Some(0));
 }
 
-/// After the given number of frames the session ends in order and the counts agree.
+/// After the given number of frames, the session ends in order, and the counts are consistent.
 fn xr_shows_frames(monado: &'static Monado) {
     let service = Service::remote(monado);
     let ended = Program::steradian(service.command(executable()), &["xr", "--frames", "60"], SCENE).wait();
@@ -105,12 +105,12 @@ fn xr_shows_frames(monado: &'static Monado) {
     let figures = figures(&ended);
     assert_eq!((figures.sessions, figures.lost, figures.recentred, figures.rendered), (1, 0, 0, 60), "{figures:?}");
     assert_eq!(figures.frames, figures.rendered + figures.not_wanted, "{figures:?}");
-    // Before the session is visible the runtime paces the program and does not want frames rendered.
+    // Before the session is visible, the runtime sets the pace of frames but does not want them rendered.
     assert!(figures.not_wanted > 0, "{figures:?}");
     assert_eq!(states(&ended), WHOLE_LIFE);
 }
 
-/// SIGTERM and SIGINT end the session in order, with the statistics so far.
+/// SIGTERM and SIGINT end the session in order, and the statistics so far are printed.
 fn signals_end_xr(monado: &'static Monado) {
     let service = Service::remote(monado);
     for signal in ["TERM", "INT"] {
@@ -124,7 +124,7 @@ fn signals_end_xr(monado: &'static Monado) {
     }
 }
 
-/// A killed runtime is reported, and the same run continues when it is back, with its counts.
+/// A killed runtime is reported. When it is back, the same run continues, and so do its counts.
 fn xr_reconnects(monado: &'static Monado) {
     let mut service = Service::remote(monado);
     let mut program = Program::steradian(service.command(executable()), &["xr", "--frames", "60"], SCENE);
@@ -142,11 +142,11 @@ fn xr_reconnects(monado: &'static Monado) {
     assert!(lost.contains("the XrInstance was lost"), "{lost}");
     let figures = figures(&ended);
     assert_eq!((figures.sessions, figures.lost, figures.rendered), (2, 1, 60), "{figures:?}");
-    // The frame in which the runtime was lost is neither rendered nor unwanted.
+    // The frame in which the runtime was lost counts neither as rendered nor as not wanted.
     assert!(figures.frames - figures.rendered - figures.not_wanted <= 1, "{figures:?}");
 }
 
-/// A session whose end is requested passes through the runtime's states to its exit, which is a separate step.
+/// If the end of a session is requested, it passes through the runtime's states to its exit, which is a separate step.
 fn exit_is_requested(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut watcher = Watcher::start(&service, &HeadsetSettings::default());
@@ -165,7 +165,7 @@ fn exit_is_requested(monado: &'static Monado) {
     assert!(frames.windows(2).all(|two| two[0].display_time_ns < two[1].display_time_ns));
 }
 
-/// Every layout, format and scale gives a session with the requested properties that shows frames.
+/// With every layout, format and scale, the session has the requested properties and shows frames.
 fn settings_make_sessions(monado: &'static Monado) {
     const MADE: &str = "llvmpipe (LLVM ";
     let service = Service::remote(monado);
@@ -202,7 +202,7 @@ fn settings_make_sessions(monado: &'static Monado) {
     }
 }
 
-/// The stage's origin is on the floor, the local space's origin is at the initial position of the head.
+/// The origin of the stage is on the floor, and that of the local space is at the initial position of the head.
 fn spaces_have_their_origins(monado: &'static Monado) {
     let service = Service::remote(monado);
     for (reference_space, floor_m) in [(ReferenceSpace::Stage, 0.0), (ReferenceSpace::Local, 1.6)] {

@@ -1,4 +1,4 @@
-//! Programs that step through a session themselves, and the test's interface to them.
+//! Programs that step through a session by themselves, and the test's interface to them.
 
 use std::{
     path::PathBuf,
@@ -28,7 +28,7 @@ pub const INNERS: &[Inner] = &[("watch", watch)];
 
 /// Settings of the headset, as JSON.
 const SETTINGS_VARIABLE: &str = "STERADIAN_TEST_HEADSET";
-/// Name of a file whose existence makes the program request the end of the session.
+/// Name of a file. When it exists, the program requests the end of the session.
 const END_VARIABLE: &str = "STERADIAN_TEST_END";
 
 /// Output of the program, line by line.
@@ -48,7 +48,7 @@ pub enum Line {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeenFrame {
     pub display_time_ns: i64,
-    /// Left and right eye; `None` if the runtime did not want the frame.
+    /// Left and right eye, or `None` if the runtime did not want the frame.
     pub eyes: Option<[SeenEye; 2]>,
     pub recentred: u64,
     pub rendered: u64,
@@ -202,7 +202,7 @@ impl Watcher {
 
     /// Waits for a frame whose eyes are queried after this call.
     pub fn next_frame(&mut self) -> SeenFrame {
-        // The next frame may have begun earlier.
+        // Skip the next frame, which may have begun before the call.
         let before = frames(&self.lines()).len() + 1;
         self.until(|lines| frames(lines).into_iter().skip(before).find(|frame| frame.eyes.is_some()))
     }

@@ -1,4 +1,4 @@
-//! Chromium, driven through chromedriver.
+//! Controls Chromium through chromedriver.
 
 use std::{
     io::{BufRead, BufReader, Read, Write},
@@ -18,13 +18,13 @@ use serde_json::{Value, json};
 
 use crate::daemon::Daemon;
 
-/// Far longer than any test takes: a waiting test fails instead of hanging.
+/// Time limit of a wait, so that a test fails instead of hanging. It is far longer than any test takes.
 const PATIENCE: Duration = Duration::from_secs(90);
 /// Interval between checks of a condition.
 const POLL: Duration = Duration::from_millis(50);
-/// Largest number of starts of Chromium for one test.
+/// How often Chromium is started for one test, at most.
 const STARTS: usize = 3;
-/// Number of moves of a drag.
+/// Number of pointer moves in a drag.
 const STEPS: i32 = 12;
 
 /// Emulated screen.
@@ -52,8 +52,7 @@ impl Drop for Browser {
     }
 }
 
-/// Runs a test with a browser that shows the page of a new daemon, then checks the browser's log for errors. The error
-/// states that there is no browser.
+/// Runs a test with a browser that shows the page of a new daemon, then checks the browser's log for errors. Returns an error if there is no browser.
 pub fn with_page<F: AsyncFnOnce(&Browser, &mut Daemon)>(screen: Screen, test: F) -> Result<(), String> {
     for program in ["chromedriver", "chromium"] {
         let there = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -74,8 +73,8 @@ pub fn with_page<F: AsyncFnOnce(&Browser, &mut Daemon)>(screen: Screen, test: F)
 }
 
 impl Browser {
-    /// Starts the browser. Chromium and its driver sometimes exit while they start, which says nothing about the page: they are started
-    /// again, `STARTS` times at most.
+    /// Starts the browser. Chromium and its driver sometimes exit while they start, for reasons unrelated to the page. They are then started again,
+    /// at most `STARTS` times in all.
     async fn open(screen: Screen) -> Self {
         let mut exits = Vec::new();
         while exits.len() < STARTS {
@@ -89,7 +88,7 @@ impl Browser {
 
     /// Starts the browser once. The error is that of the driver or of the session.
     ///
-    /// The driver needs one port of both loopback addresses. The port that the system would give it can be in use at the other address.
+    /// The driver needs a port that is free at both loopback addresses. A port that the system chooses for one of them can be in use at the other.
     async fn started(screen: Screen) -> Result<Self, String> {
         let port = testkit::free_port();
         let mut driver =
@@ -157,12 +156,12 @@ impl Browser {
         errors.map(|entry| entry["message"].to_string()).collect()
     }
 
-    /// Returns the errors in the browser's log since the last call, without failed connections.
+    /// Like [`Self::errors`], without failed connections.
     pub fn errors_beside_connections(&self) -> Vec<String> {
         self.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect()
     }
 
-    /// The same for a daemon that was restarted: without the status 503, which it answers while it starts. Chromium may request the icon then.
+    /// Also leaves out the status 503, with which a restarted daemon answers while it starts. Chromium may request the icon at that time.
     pub fn errors_beside_restarts(&self) -> Vec<String> {
         self.errors_beside_connections().into_iter().filter(|error| !error.contains("a status of 503")).collect()
     }
@@ -187,7 +186,7 @@ impl Browser {
         self.run("return document.body.innerText").await
     }
 
-    /// Returns the first element of a selector. The page may still be filling its list: waits for it.
+    /// Returns the first element that matches a selector. Waits for it, because the page may still be filling its list.
     pub async fn find(&self, selector: &str) -> Element {
         let deadline = Instant::now() + PATIENCE;
         loop {
@@ -238,8 +237,8 @@ impl Browser {
         result.unwrap();
     }
 
-    /// Finds the brightest pixel of a canvas, within `radius` of a point of it or anywhere: returns its centre in the
-    /// window, and the sum of its codes.
+    /// Finds the brightest pixel of a canvas, either anywhere or within `radius` of a point. Returns its centre in the window, and the sum of its
+    /// codes.
     pub async fn brightest(&self, canvas: &str, near: Option<([f64; 2], f64)>) -> ([f64; 2], u32) {
         let script = format!(
             "const canvas = document.querySelector({canvas:?}), near = {};

@@ -1,4 +1,4 @@
-//! Compares `web/dist`, which is checked in and embedded in the program, with a build of its sources, byte by byte.
+//! Compares `web/dist`, which is checked in and embedded in the program, byte by byte with a build of its sources.
 
 use std::{
     fs,
@@ -17,7 +17,7 @@ fn web() -> PathBuf {
 
 fn npm(arguments: &[&str]) -> Result<Output, String> {
     let run = Command::new("npm").args(arguments).current_dir(web()).output();
-    run.map_err(|error| format!("npm cannot be run ({error}): scripts/ensure-page.sh installs it"))
+    run.map_err(|error| format!("cannot run npm ({error}): scripts/ensure-page.sh installs it"))
 }
 
 fn text(output: &Output) -> String {

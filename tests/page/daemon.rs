@@ -1,4 +1,4 @@
-//! The program, with small views of the brightest stars.
+//! Runs the program with small views of the brightest stars.
 
 use std::{
     io::{BufRead, BufReader},
@@ -73,7 +73,7 @@ impl Daemon {
 
     /// SIGKILL.
     pub fn kill(&mut self) {
-        // It may have ended already.
+        // The daemon may have ended already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -92,7 +92,7 @@ impl Daemon {
         self.restart();
     }
 
-    /// Restarts it with an observer instead of the camera.
+    /// Restarts it with a configuration that has an observer instead of the camera.
     pub fn restart_at(&mut self, observer: &str) {
         let (before, after) = CONFIGURATION.split_once("[scene.camera]").unwrap();
         let (_, views) = after.split_once("[[views]]").unwrap();

@@ -53,7 +53,7 @@ fn bodies_are_added_changed_and_removed() -> Result<(), String> {
         let scene = client.scene().await.unwrap();
         assert_eq!(scene.bodies.len(), 1);
         assert_eq!(scene.bodies[0].body.name, "mars");
-        // A refusal shows the daemon's message, and the form keeps its values.
+        // If the daemon refuses a change, the page shows its message, and the form keeps its values.
         page.click("#bodies button").await;
         page.fill("#body-form [name='radii_m.z']", "-1").await;
         page.click("#body-form [type=submit]").await;
@@ -81,7 +81,8 @@ fn a_change_by_another_client_is_reported_and_kept() -> Result<(), String> {
         wait_for_notice(page, "another client has changed the scene").await;
         assert_eq!(client.scene().await.unwrap().magnitude_limit, 4.5);
         page.until("document.querySelector('#panel-scene [name=magnitude_limit]').value === '4.5'").await;
-        // The user has seen the change and may now overwrite it. An untouched form follows the daemon.
+        // The user has seen the change of the other client, and may now overwrite it. A form that the user has not
+        // touched follows the daemon.
         page.fill("#panel-scene [name=magnitude_limit]", "3").await;
         page.click("#panel-scene form [type=submit]").await;
         wait_for_notice(page, "are set").await;
@@ -144,7 +145,7 @@ fn time_runs_and_rests_at_a_rate() -> Result<(), String> {
         assert!(rests.time_rate == 0.0 && rests.time_s > running.time_s);
         page.click("#play").await;
         page.until("document.getElementById('play').textContent === 'Pause'").await;
-        assert_eq!(client.scene().await.unwrap().time_rate, 1200.0, "it continues at the previous rate");
+        assert_eq!(client.scene().await.unwrap().time_rate, 1200.0, "the time continues at the previous rate");
     })
 }
 
@@ -196,7 +197,7 @@ fn views_are_created_and_deleted() -> Result<(), String> {
         assert_eq!((dome.size, dome.fov_deg, dome.tilt_deg), ([96, 96], 180.0, 30.0));
         page.click("#views input[value=preview]").await;
         page.until(&has_picture("preview")).await;
-        // Another client changes the scene first: the view stays, and the list is read again.
+        // If another client changes the scene first, the view is not deleted, and the list is read again.
         let other = SceneUpdate { magnitude_limit: Some(4.5), ..SceneUpdate::default() };
         page.until("document.querySelectorAll('#view-list li').length === 6").await;
         client.update_scene(&other, None).await.unwrap();

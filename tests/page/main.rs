@@ -1,6 +1,6 @@
 //! Tests of the page in Debian's Chromium, served by the built program, with real clicks, drags and keys. Without a
-//! browser, or npm for the bundle, the tests are shown as ignored, with the reason; with `STERADIAN_REQUIRE_PAGE=1`
-//! they fail. The arguments are those of libtest.
+//! browser, or without npm for the test of the bundle, the tests are shown as ignored, with the reason; with
+//! `STERADIAN_REQUIRE_PAGE=1` they fail. The arguments are those of libtest.
 #![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 
 use testkit::trials;

@@ -1,4 +1,4 @@
-//! Panels that display data, and operation by keyboard only.
+//! Tests panels that display data, and the use of the page by keyboard only.
 
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ async fn tab_to(page: &Browser, what: &str) {
             // The focus is visible on the element or, for a hidden box, on its label.
             let seen = "const at = document.activeElement; return [at, at.nextElementSibling].some(e => e && \
                         getComputedStyle(e).outlineStyle !== 'none' && getComputedStyle(e).opacity > 0)";
-            assert!(page.run::<bool>(seen).await, "the focus is not seen on {what}");
+            assert!(page.run::<bool>(seen).await, "the focus is not visible on {what}");
             return;
         }
     }
@@ -47,7 +47,7 @@ fn everything_can_be_done_by_keyboard() -> Result<(), String> {
         for key in [char::from(Key::Right), 'w'] {
             hold(page, key).await;
         }
-        // The last poses may still be on their way.
+        // The last poses may still be in transit.
         let mut after = client.camera().await.unwrap();
         for _ in 0..100 {
             if after.position_m != before.position_m {
@@ -83,7 +83,7 @@ fn select_all() -> String {
     format!("{}a{}", Key::Control, Key::Null)
 }
 
-/// Holds a key until a picture shows another pose.
+/// Holds a key until the picture shows another pose.
 async fn hold(page: &Browser, key: char) {
     let camera = "Number(document.querySelector('[data-view=window]').dataset.camera)";
     let before = page.run::<u64>(&format!("return {camera}")).await;
@@ -104,7 +104,7 @@ fn statistics_and_checks() -> Result<(), String> {
         page.click("#panel-checks [type=submit]").await;
         page.until("document.getElementById('checks-sum').textContent.includes('Done')").await;
         assert_eq!(page.find("#panel-checks tbody .outcome").await.text().await.unwrap(), "pass");
-        // An unknown name is reported with the daemon's message.
+        // For an unknown name, the page shows the daemon's message.
         page.fill("#panel-checks [name=filter]", "no-such-check").await;
         page.click("#panel-checks [type=submit]").await;
         page.until("document.getElementById('notices').textContent.includes('no-such-check')").await;

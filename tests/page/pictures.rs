@@ -1,4 +1,4 @@
-//! Pictures: their content, and turning them by drags and fingers.
+//! Pictures: their content, and turning the camera by dragging them with mouse or finger.
 
 use steradian::{catalogue::bright::named_bright_stars, config::ViewSpec, service::ViewUpdate};
 
@@ -18,7 +18,8 @@ pub const TESTS: &[Test] = &[
     ("pictures::the_latency_from_camera_to_screen_is_displayed", latency_from_camera_to_screen),
 ];
 
-/// Maximum distance of a dragged star from the pointer, CSS pixels: a pixel of the picture, and the pointer's rounding.
+/// Largest distance of a dragged star from the pointer, CSS pixels: a pixel of the picture plus the rounding of the
+/// pointer's position.
 const REACH_PX: f64 = 3.5;
 
 /// Selects one view, and waits for its picture.
@@ -27,16 +28,16 @@ pub async fn choose(page: &Browser, view: &str) {
     page.until(&format!("document.querySelectorAll('#pictures figure').length === 1 && {}", has_picture(view))).await;
 }
 
-/// Expression: the view has a picture.
+/// Returns an expression that is true if the view has a picture.
 pub fn has_picture(view: &str) -> String {
     format!("document.querySelector('[data-view={view}]')?.dataset.frame")
 }
 
-/// Waits until the picture shows the newest camera, and the page has sent all of its poses.
+/// Waits until the page has sent all of its poses, and the picture shows the newest camera.
 async fn settle(page: &Browser, view: &str) {
     let camera = format!("document.querySelector('[data-view={view}]').dataset.camera");
     let mut before = String::new();
-    // Unchanged after two further frames: no pose is in transit.
+    // If the camera is the same after two more frames, no pose is in transit.
     for _ in 0..100 {
         let frame = page.run::<String>(&format!("return {}", has_picture(view))).await;
         page.until(&format!("{} - {frame} >= 2", has_picture(view))).await;
@@ -49,7 +50,8 @@ async fn settle(page: &Browser, view: &str) {
     panic!("{view}: the camera does not stop");
 }
 
-/// Drags the brightest star near a point of the canvas (fractions of its sides), and finds it at the release point.
+/// Drags the brightest star near the middle of the canvas by fractions of the canvas's sides, and finds it at the point
+/// of release.
 async fn drag_a_star(page: &Browser, screen: Screen, view: &str, canvas: &str, by: [f64; 2]) {
     settle(page, view).await;
     let [x, y, width, height] = page
@@ -60,14 +62,17 @@ async fn drag_a_star(page: &Browser, screen: Screen, view: &str, canvas: &str, b
         .await;
     let middle = [x + width / 2.0, y + height / 2.0];
     let (star, codes) = page.brightest(canvas, Some((middle, width.min(height) / 4.0))).await;
-    assert!(codes > 200, "{view}: no star found, brightest sum of codes {codes}");
+    assert!(codes > 200, "{view}: no star found; the largest sum of codes is {codes}");
     let from = star.map(f64::round);
     let to = [from[0] + (by[0] * width).round(), from[1] + (by[1] * height).round()];
     let (_, before) = page.brightest(canvas, Some((to, REACH_PX))).await;
     page.drag(screen, from, to).await;
     settle(page, view).await;
     let (found, after) = page.brightest(canvas, Some((to, 4.0 * REACH_PX))).await;
-    assert!(after > 100, "{view}: sum of codes {after} at the target of the drag, {before} before");
+    assert!(
+        after > 100,
+        "{view}: the sum of codes at the target of the drag is {after}; before the drag it was {before}"
+    );
     let off = (found[0] - to[0] - star[0] + from[0]).hypot(found[1] - to[1] - star[1] + from[1]);
     assert!(off < REACH_PX, "{view}: the star is {off} px from the pointer");
 }
@@ -119,14 +124,14 @@ fn several_views_at_once() -> Result<(), String> {
             let (_, codes) = page.brightest(&format!("[data-view={view}] canvas"), None).await;
             assert!(codes > 200, "{view} is black: {codes}");
         }
-        // Where the screen shows fewer pixels, smaller images are sent.
+        // If the screen shows fewer pixels, smaller images are sent.
         assert!(page.run::<u32>("return document.querySelector('[data-view=around] canvas').width").await < 1024);
         assert_eq!(page.client.current_url().await.unwrap().fragment(), Some("views=window,dome,around"));
         // PNG works as well as JPEG.
         let seen = page.run::<String>(&format!("return {}", has_picture("dome"))).await;
         page.click("#encoding option[value=png]").await;
         page.until(&format!("Number({}) > {seen}", has_picture("dome"))).await;
-        // The address contains the selected views.
+        // The address of the page contains the selected views.
         page.client.refresh().await.unwrap();
         page.until(&has_picture("around")).await;
         assert_eq!(page.run::<u32>("return document.querySelectorAll('#pictures figure').length").await, 3);
@@ -161,7 +166,7 @@ fn views_appear_and_disappear() -> Result<(), String> {
         page.until(&format!("!document.querySelector('[data-view=guest]') && !{}", chip("guest"))).await;
         let seen = page.run::<String>(&format!("return {}", has_picture("window"))).await;
         page.until(&format!("Number({}) > {seen}", has_picture("window"))).await;
-        // A selection without views works too.
+        // It is allowed to select no view.
         page.run::<Option<u8>>("location.hash = '#views='").await;
         page.until("document.querySelectorAll('#pictures figure').length === 0").await;
         client.create_view(&guest("late", "[64, 64]"), None).await.unwrap();
@@ -193,8 +198,8 @@ fn the_age_of_pictures_is_displayed() -> Result<(), String> {
         let text = page.run::<String>("return document.getElementById('age').textContent").await;
         assert!(text.starts_with("picture ") && text.contains(" old"), "{text}");
         let age_ms = page.run::<f64>("return Number(document.getElementById('age').dataset.ms)").await;
-        // Page and daemon use the same machine's clock. The age itself is not tested, but an offset of minutes would be
-        // wrong.
+        // Page and daemon use the clock of the same machine. The age itself is not tested, but an offset of minutes
+        // would be wrong.
         assert!((-1000.0..60_000.0).contains(&age_ms), "{age_ms} ms");
         drag_a_star(page, Screen::Desk, "window", "[data-view=window] canvas", [0.1, 0.0]).await;
         page.until("document.getElementById('age').textContent.includes('camera to screen')").await;
@@ -219,7 +224,7 @@ async fn pixels(page: &Browser) -> Vec<u8> {
     .await
 }
 
-/// Root mean squares over the pixels of stars: of luma and R - B, and of the errors of both.
+/// Returns root mean squares over the pixels of stars: of luma, of R - B, and of the errors of these two.
 fn errors(exact: &[u8], found: &[u8]) -> [f64; 4] {
     assert_eq!(exact.len(), found.len());
     let luma = |pixel: &[u8]| pixel.iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, w)| f64::from(*c) * w).sum::<f64>();
@@ -252,7 +257,7 @@ fn video_and_jpeg_show_what_png_shows() -> Result<(), String> {
             println!("{encoding}: luma {luma:.1}, error {luma_off:.2}; R - B {colour:.1}, error {colour_off:.2}");
             assert!(luma_off < most[0] * luma && colour_off < most[1] * colour, "{encoding}");
         }
-        // The comparison must fail for another picture.
+        // The comparison must fail for a different picture.
         let other: Vec<u8> = exact.iter().rev().copied().collect();
         let [luma, _, luma_off, _] = errors(&exact, &other);
         assert!(video != exact && luma_off > 0.5 * luma);

@@ -37,14 +37,14 @@ fn a_token() -> Result<(), String> {
         page.until("[...document.querySelectorAll('.hold')].every(button => button.disabled)").await;
         assert!(page.find("#may-not-steer").await.is_displayed().await.unwrap());
         page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
-        page.until("document.getElementById('notices').textContent.includes('role view may not steer')").await;
+        page.until("document.getElementById('notices').textContent.includes('view role may not steer')").await;
         // Other refused actions are reported.
         page.click("#tab-scene").await;
         page.click("#play").await;
         page.until("document.getElementById('notices').textContent.includes('`screen` has the role view')").await;
         page.find("#logout").await.click().await.unwrap();
         page.until("!document.getElementById('login').hidden").await;
-        // The first login of a page is not reported as the return of a daemon.
+        // When a page logs in for the first time, it does not report that the daemon is back.
         enter("look").await;
         page.until("document.getElementById('age').textContent.startsWith('picture')").await;
         assert!(!page.run::<String>("return document.getElementById('notices').textContent").await.contains("is back"));
@@ -53,7 +53,7 @@ fn a_token() -> Result<(), String> {
     })
 }
 
-/// Two clients steer: the page follows the lease holder, names it, and steers after the release.
+/// Two clients steer. While the other one holds the lease, the page follows it and shows its name; after the release, the page steers.
 fn another_client_steers() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {
         page.until(&has_picture("window")).await;
@@ -67,12 +67,12 @@ fn another_client_steers() -> Result<(), String> {
         )
         .await;
         let notices = page.run::<String>("return document.getElementById('notices').textContent").await;
-        assert!(!notices.contains("StreamCamera"), "a page has no such call: {notices}");
+        assert!(!notices.contains("StreamCamera"), "a page cannot make this call, so it must not name it: {notices}");
         let (camera, poses) = steering.end().await.unwrap();
         assert_eq!(
             (camera.position_m.x, camera.revision, poses),
             (5.0, 1, 1),
-            "only the lease holder has moved the camera"
+            "only the lease holder must have moved the camera"
         );
         page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
         page.until("Number(document.querySelector('[data-view=window]').dataset.camera) > 1").await;
@@ -82,7 +82,7 @@ fn another_client_steers() -> Result<(), String> {
     })
 }
 
-/// A daemon that is stopped keeps its connections.
+/// The daemon is stopped by a signal, so its connections stay open.
 fn a_frozen_daemon() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {
         page.until(&has_picture("window")).await;

@@ -1,4 +1,4 @@
-//! Steering below a sky that turns, and search.
+//! Steering below a turning sky, and the search for objects.
 
 use std::{path::Path, time::Duration};
 
@@ -28,7 +28,7 @@ pub const TESTS: &[Test] = &[
     ("sky::a_name_is_found_and_looked_at", a_name_is_found_and_looked_at),
 ];
 
-/// A place without air and ground, which need not be drawn here.
+/// A place without air and ground, which these tests do not need.
 pub const PLACE: &str = "
 [scene.observer]
 latitude_deg = 48.14
@@ -43,16 +43,17 @@ fn observer() -> Observer {
     Config::from_text(&format!("[scene]\n{PLACE}"), "place.toml", Path::new("."), &[]).unwrap().observer().unwrap()
 }
 
-/// Returns the orientation of a camera relative to the axes of the horizon.
+/// Returns the orientation of a camera relative to the horizon axes.
 fn on_horizon(camera: &Camera) -> DQuat {
     let icrs_from_horizon = Frame::Horizon.icrs_from(Some(&observer()), camera.as_of_s).unwrap();
     DQuat::from_mat3(&icrs_from_horizon).inverse() * camera.world_from_camera
 }
 
-/// Starts the daemon below a sky that turns by 15 degrees per second, and lets it turn by more than 45 degrees.
+/// Starts the daemon with a sky that turns by 15 degrees per second, and waits until it has turned by more than 45
+/// degrees.
 async fn turn_the_sky(page: &Browser, daemon: &mut Daemon) -> Camera {
     daemon.restart_at(PLACE);
-    // The page may not have built its panel before the restart.
+    // The page may still be building its panel when the daemon restarts.
     page.until("document.getElementById('horizontal')?.textContent.includes('Azimuth')").await;
     let mut client = daemon.client().await;
     let fixed = CameraUpdate { frame: Some(Frame::Horizon), ..CameraUpdate::default() };
@@ -68,7 +69,7 @@ async fn turn_the_sky(page: &Browser, daemon: &mut Daemon) -> Camera {
     turned
 }
 
-/// The panel has the direction of the camera, in ICRS axes and for the observer.
+/// The panel shows the direction of the camera, in ICRS axes and relative to the observer's horizon.
 async fn check_panel(page: &Browser, daemon: &Daemon) {
     let mut client = daemon.client().await;
     client.update_scene(&SceneUpdate { time_rate: Some(0.0), ..SceneUpdate::default() }, None).await.unwrap();
@@ -105,7 +106,7 @@ fn a_key_turns_from_what_is_seen() -> Result<(), String> {
         page.until("Number(document.querySelector('[data-view=window]').dataset.camera) > 1").await;
         sleep(Duration::from_millis(500)).await;
         let after = daemon.client().await.camera().await.unwrap();
-        // 0.3 s at 0.5 rad/s are 8.6 degrees, about the camera's y axis.
+        // In 0.3 s at 0.5 rad/s the camera turns by 8.6 degrees around its y axis.
         let turn = on_horizon(&before).inverse() * on_horizon(&after);
         let (axis, angle_rad) = turn.to_axis_angle();
         assert!(axis.y.abs() > 0.9999, "{axis}");

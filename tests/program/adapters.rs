@@ -1,4 +1,4 @@
-//! Fallbacks on adapters with fewer features, and the same pictures on a second, independent driver.
+//! Adapters with fewer features, and a second, independent driver, draw the same pictures.
 
 use std::{
     fs::{self, File},
@@ -9,13 +9,13 @@ use std::{
 
 use testkit::exr_file::channels;
 
-/// The driver that Debian's package of the browser contains.
+/// Driver in Debian's package of the browser.
 const SECOND_DRIVER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
 /// A configuration, and overrides that make its views small.
 type Picture = (&'static str, &'static [&'static str]);
 
-/// Configurations with all kinds of objects. The second driver draws only the first one, because it compiles shaders for minutes.
+/// Configurations with all kinds of objects. The second driver draws only the first of them, because compiling shaders takes it minutes.
 const PICTURES: [Picture; 3] = [
     ("overlay", &["views.window.size=[320,200]", "views.dome.size=[192,192]", "views.cube.face_size=64"]),
     ("tonight", &["views.dome.size=[192,192]", "views.south.size=[256,144]"]),
@@ -29,7 +29,7 @@ fn steradian(arguments: &[&str]) -> Command {
     command
 }
 
-/// Standard output and standard error of a command that ends with `code`.
+/// Runs a command that must end with `code`; returns its standard output and standard error.
 fn run(mut command: Command, code: i32) -> [String; 2] {
     let output = command.output().unwrap();
     let texts = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
@@ -69,7 +69,7 @@ fn info_lists_needs_offers_and_what_is_done_instead() {
     assert!(report("storage-buffers=9")["fallbacks"].to_string().contains("separate pass"));
 }
 
-/// Renders the pictures, with arguments and environment of one adapter.
+/// Renders the pictures, with the arguments and the environment for one adapter. Returns the names of the files.
 fn render(pictures: &[Picture], folder: &Path, limits: Option<&str>, driver: Option<&str>) -> Vec<PathBuf> {
     for (name, overrides) in pictures {
         let (config, out) = (format!("configs/{name}.toml"), folder.join(name).display().to_string());
@@ -88,7 +88,7 @@ fn render(pictures: &[Picture], folder: &Path, limits: Option<&str>, driver: Opt
     files.iter().map(|file| file.strip_prefix(folder).unwrap().to_owned()).collect()
 }
 
-/// Illuminance of an HDR picture, lx.
+/// Returns the illuminance of an HDR picture, lx.
 fn light_lx(file: &Path) -> f64 {
     let [red, green, blue, omega] = channels(&fs::read(file).unwrap(), ["R", "G", "B", "omega"]);
     let weighted = |i: usize| 0.2126 * f64::from(red[i]) + 0.7152 * f64::from(green[i]) + 0.0722 * f64::from(blue[i]);
@@ -102,7 +102,7 @@ fn codes(file: &Path) -> Vec<u8> {
     codes
 }
 
-/// Largest difference between the codes of two pictures, and the 99.9 % quantile of the differences.
+/// Returns the largest difference between the codes of two pictures, and the 99.9 % quantile of the differences.
 fn code_differences(one: &[u8], other: &[u8]) -> [u8; 2] {
     assert_eq!(one.len(), other.len());
     let mut differences: Vec<u8> = one.iter().zip(other).map(|(a, b)| a.abs_diff(*b)).collect();
@@ -110,8 +110,8 @@ fn code_differences(one: &[u8], other: &[u8]) -> [u8; 2] {
     [differences[differences.len() - 1], differences[(differences.len() - 1) * 999 / 1000]]
 }
 
-/// Largest differences over all pictures of two adapters: relative difference of light, largest difference of codes, and 99.9 % quantile of the
-/// differences of codes.
+/// Compares all pictures of two adapters. Returns the largest value over all pictures of each of these: the relative difference of light, the largest
+/// difference of codes, and the 99.9 % quantile of the differences of codes.
 fn differences(one: &Path, other: &Path, files: &[PathBuf]) -> (f64, u8, u8) {
     let (mut light, mut most, mut usual) = (0.0_f64, 0, 0);
     for file in files {
@@ -119,14 +119,17 @@ fn differences(one: &Path, other: &Path, files: &[PathBuf]) -> (f64, u8, u8) {
             light = light.max((light_lx(&one.join(file)) / light_lx(&other.join(file)) - 1.0).abs());
         } else {
             let [largest, of_most] = code_differences(&codes(&one.join(file)), &codes(&other.join(file)));
-            println!("{}: largest difference {largest} codes, 99.9 % within {of_most}", file.display());
+            println!(
+                "{}: largest difference {largest} codes, 99.9 % of the differences are at most {of_most}",
+                file.display()
+            );
             (most, usual) = (most.max(largest), usual.max(of_most));
         }
     }
     (light, most, usual)
 }
 
-/// Draws pictures on this machine's adapter and with the given limits or driver, and compares them.
+/// Draws pictures on this machine's adapter, and again with the given limits or driver, and compares them.
 fn compare(pictures: &[Picture], least: usize, limits: Option<&str>, driver: Option<&str>) {
     let folder = tempfile::tempdir().unwrap();
     let [own, other] = ["own", "other"].map(|name| folder.path().join(name));
@@ -134,7 +137,7 @@ fn compare(pictures: &[Picture], least: usize, limits: Option<&str>, driver: Opt
     assert!(files.len() >= least, "{files:?}");
     assert_eq!(render(pictures, &other, limits, driver), files);
     let (light, most, usual) = differences(&own, &other, &files);
-    let found = format!("light {light:.1e} relative, {most} codes, 99.9 % within {usual}");
+    let found = format!("relative difference of light {light:.1e}, of codes {most}, 99.9 % of them at most {usual}");
     println!("{}: {found}", limits.or(driver).unwrap_or_default());
     assert!(light < 2e-7 && most <= 4 && usual == 0, "{found}");
 }

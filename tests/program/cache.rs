@@ -1,4 +1,4 @@
-//! Data that the program keeps between runs.
+//! Tests the data that the program keeps between runs.
 
 use std::{
     ffi::OsString,
@@ -26,7 +26,7 @@ fn run(folder: &Path, cache: &Path, arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// Renders into the folder `out` with more arguments, and returns the log.
+/// Renders into the folder `out` with additional arguments, and returns the log.
 fn render_to(out: &str, folder: &Path, cache: &Path, more: &[&str]) -> String {
     let arguments = [&["render", "--config", "c.toml", "--out", out, "--files", "png"], more].concat();
     let output = run(folder, cache, &arguments);
@@ -39,7 +39,7 @@ fn render(folder: &Path, cache: &Path, more: &[&str]) -> String {
     render_to("out", folder, cache, more)
 }
 
-/// All files of a cache, in the order of their names.
+/// Returns all files of a cache, in the order of their names.
 fn files(cache: &Path) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(cache) else { return Vec::new() };
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
@@ -47,18 +47,18 @@ fn files(cache: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Notes of compiled shaders. They exist only for drivers that keep compiled shaders.
+/// Returns the notes of compiled shaders. They exist only for drivers that keep compiled shaders.
 fn shaders(cache: &Path) -> Vec<PathBuf> {
     files(cache).into_iter().filter(|path| path.to_string_lossy().contains("compiled-shader-")).collect()
 }
 
-/// All files except notes of compiled shaders, in the order of their names.
+/// Returns all files except notes of compiled shaders, in the order of their names.
 fn entries(cache: &Path) -> Vec<PathBuf> {
     let shaders = shaders(cache);
     files(cache).into_iter().filter(|path| !shaders.contains(path)).collect()
 }
 
-/// Name of the part of the program that made an entry.
+/// Returns the name of the part of the program that made an entry.
 fn part(path: &Path) -> String {
     path.file_name().unwrap().to_str().unwrap().rsplit_once('-').unwrap().0.to_owned()
 }
@@ -81,11 +81,11 @@ fn stars_are_kept_mended_and_switched_off() {
     let written = || fs::metadata(kept).unwrap().modified().unwrap();
     let first = written();
     let log = render(folder.path(), &cache, &[]);
-    assert!(written() == first && !log.contains("cached"), "the second run reads it: {log}");
-    assert_eq!(shaders(&cache), shaders_of_first, "the second run compiles the same shaders");
+    assert!(written() == first && !log.contains("cached"), "the second run must read the entry: {log}");
+    assert_eq!(shaders(&cache), shaders_of_first, "the second run must compile the same shaders");
     assert!(fs::read(folder.path().join("out/v.png")).unwrap() == picture);
 
-    // Other inputs give other stars; the entry of the first ones stays.
+    // Other inputs give other stars. The entry of the first stars is kept.
     let other = "scene.catalogues=[{ galaxy = { stars = 501, unresolved_light = false } }]";
     render(folder.path(), &cache, &["--set", other]);
     assert_eq!(entries(&cache).len(), 2);
@@ -135,7 +135,7 @@ fn the_cache_is_shown_limited_and_cleared() {
     assert!(printed(&["cache", "clear"]).starts_with(&removed));
     assert_eq!(files(&cache), [cache.join("notes.txt")]);
 
-    // Without a folder, or with a wrong limit, the problem is named.
+    // If there is no folder, or the limit is wrong, the message names the problem.
     for (variable, value, problem) in [
         ("STERADIAN_CACHE_DIR", "", "there is no cache folder"),
         ("STERADIAN_CACHE_MIB", "much", "STERADIAN_CACHE_MIB=much: must be a whole number of MiB"),
@@ -167,6 +167,6 @@ fn a_file_at_the_place_of_the_folder_is_reported_once_and_nothing_is_kept() {
     fs::write(&cache, "a file").unwrap();
     let log = render(folder.path(), &cache, &[]);
     assert_eq!(log.matches("WARN").count(), 1, "{log}");
-    assert!(log.contains("cannot be used, and nothing is kept: it is a file"), "{log}");
+    assert!(log.contains("cannot be used, so nothing is kept: it is a file"), "{log}");
     assert_eq!(fs::read(&cache).unwrap(), b"a file");
 }

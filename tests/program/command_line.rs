@@ -167,7 +167,7 @@ fn stores_depend_only_on_their_seed() {
     let brightest: f64 = range.split_whitespace().nth(2).unwrap().parse().unwrap();
     assert!((3.5..4.5).contains(&brightest), "{range}");
 
-    // Stores are catalogues too, so they can be concatenated.
+    // Stores are catalogues too, so several of them can be imported into one store.
     let (out, _) = run(folder.path(), &["catalogue", "import", "a.stars", "c.stars", "--out", "both.stars"], 0);
     assert!(out.contains("wrote both.stars: 10000 stars"), "{out}");
 }
@@ -203,7 +203,7 @@ const SCENE: &str = "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname =
 #[test]
 fn render_bytes_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
-    // With this number of stars and this exposure the frame reads a map of faint stars.
+    // With this number of stars and this exposure, the frame uses a map of faint stars.
     let scene = "[scene]\ncatalogues = [{ galaxy = { stars = 300000, seed = 1, fainter_than = 3.5 } }]\n\
         [[views]]\nname = 'dome'\ntype = 'dome_master'\nsize = [256, 256]\n[exposure]\nmode = 'manual'\nev100 = -5.4\n";
     std::fs::write(folder.path().join("dome.toml"), scene).unwrap();
@@ -238,7 +238,7 @@ fn render_bytes_do_not_depend_on_threads() {
 #[test]
 fn explain_prints_bounds_of_display_and_hdr_images() {
     let folder = tempfile::tempdir().unwrap();
-    // Pixels of less than 0.7 degrees, so that display images have a separate budget.
+    // Use pixels of less than 0.7 degrees, so that display images have a budget of their own.
     let scene =
         "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname = 'all'\ntype = 'dome_master'\nsize = [300, 300]\n";
     std::fs::write(folder.path().join("sky.toml"), scene).unwrap();
@@ -311,7 +311,7 @@ fn manifest_has_exposure_per_view_and_explain_per_frame() {
     );
     let ev100 = |value: &serde_json::Value| value["exposure_ev100"].as_f64().unwrap();
     assert_eq!(ev100(&views[0]), -7.5);
-    // The other two views share the general exposure, which the manifest has: that of the first of them.
+    // The other two views share the general exposure. The manifest contains it as the exposure of the first of them.
     assert_eq!([ev100(&views[1]), ev100(&views[2])], [ev100(&manifest); 2]);
     assert!((views[1]["limiting_magnitude"].as_f64().unwrap() - 5.0).abs() < 1e-3, "{manifest}");
     assert_eq!(views[2]["plan"]["glare"].as_str().unwrap(), "none");
@@ -353,7 +353,7 @@ fn render_exits_64_for_configuration_65_for_catalogues_69_for_adapters() {
     }
     assert!(!folder.path().join("out").exists());
     file("out", "a file at the path of the folder");
-    // A folder that cannot be written is detected before anything is drawn: no star is loaded.
+    // A folder that cannot be written is detected before any star is loaded.
     let no_folder = ["/proc/none"].into_iter().filter(|_| cfg!(target_os = "linux"));
     for out in ["out", "out/inner"].into_iter().chain(no_folder) {
         let (_, err) = run(folder.path(), &["render", "--out", out, "--config", "lost.toml"], 1);
@@ -407,7 +407,7 @@ fn shaders_are_read_from_a_folder_in_development() {
     };
     let render = ["render", "--config", "sky.toml", "--out", "out"];
 
-    // The program uses copies of the built-in files, and reports this.
+    // The program reads copies of its built-in files, and reports this.
     let (code, out, err) = run(&["info"]);
     assert_eq!(code, Some(0), "{err}");
     assert!(out.contains("\nshaders    shaders (STERADIAN_SHADERS)\n"), "{out}");
@@ -425,7 +425,7 @@ fn shaders_are_read_from_a_folder_in_development() {
     assert_eq!(code, Some(1), "{err}");
     assert!(err.contains("unknown_name"), "{err}");
 
-    // Errors that need no adapter stop the program at its start.
+    // Errors that can be detected without an adapter stop the program at its start.
     for (edited, problem) in [
         (Some(format!("#import shared/none\n{valid}")), "shaders/display/resolve.wgsl:1: `shared/none` is neither"),
         (None, "shaders/display/resolve.wgsl is missing"),
@@ -472,7 +472,7 @@ fn unusable_point_spread_function_is_named() {
     let (_, err) = render("stars.psf_texture.aperture=square", 64);
     assert!(err.contains("aperture") && err.contains("hexagon"), "{err}");
     assert!(!folder.path().join("out").exists());
-    // A generated point-spread function is drawn.
+    // A generated point-spread function can be drawn.
     let make = ["psf", "--aperture", "circle", "--diameter-mm", "1", "--size", "32", "--out", "star.exr"];
     run(folder.path(), &make, 0);
     render("stars.psf_texture.file=star.exr", 0);
@@ -482,7 +482,7 @@ fn unusable_point_spread_function_is_named() {
 #[test]
 fn audit_reports_its_comparison_and_changes_no_picture() {
     let folder = tempfile::tempdir().unwrap();
-    // Pixels of at most a degree, as audits require.
+    // Use pixels of at most a degree, as audits require.
     let finer = SCENE.replace("size = [64, 32]", "size = [384, 192]").replace("face_size = 16", "face_size = 96");
     std::fs::write(folder.path().join("sky.toml"), finer.replace("size = [16, 16]", "size = [96, 96]")).unwrap();
     let audited = ["render", "--config", "sky.toml", "--out", "a", "--explain", "--set", "accuracy.audit=true"];
@@ -500,7 +500,7 @@ fn audit_reports_its_comparison_and_changes_no_picture() {
         "--set",
         "views.all.size=[64,32]",
     ];
-    // Regardless of the other views, the coarse one is reported.
+    // Although the other views are audited, the coarse one is reported as not audited.
     let output = steradian(folder.path(), &coarse);
     assert!(text(&output.stdout).contains("not audited: view all: pixels of 5.6 degrees"), "{}", text(&output.stdout));
     let manifest = std::fs::read(folder.path().join("a/manifest.json")).unwrap();
@@ -513,7 +513,7 @@ fn audit_reports_its_comparison_and_changes_no_picture() {
         let read = |out: &str| std::fs::read(folder.path().join(out).join(name)).unwrap();
         assert_eq!(read("a"), read("b"), "{name}");
     }
-    // A published method has no budget, so none is reported.
+    // A published method has no budget, so the output mentions none.
     let published = [
         "render",
         "--config",
@@ -531,7 +531,8 @@ fn audit_reports_its_comparison_and_changes_no_picture() {
     run(folder.path(), &["render", "--config", "sky.toml", "--out", "d", "--set", "accuracy.frame_ms=0"], 64);
 }
 
-/// The manifest records all inputs of a picture and is sufficient to make it again; a changed file is refused by name.
+/// The manifest records all inputs of a picture, so it is sufficient to make the picture again. If a file has changed,
+/// it is refused, and the message names it.
 #[test]
 fn manifest_is_deterministic_and_reproduces_the_frame() {
     let folder = tempfile::tempdir().unwrap();

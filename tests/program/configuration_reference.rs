@@ -1,6 +1,6 @@
 //! Tests that `docs/configuration.md` and `docs/steradian.schema.json` match the types, and that the schema and the
-//! parser agree about every configuration in `configs/`, about both sides of every bound of every range, and about
-//! mistakes.
+//! parser accept and refuse the same texts: every configuration in `configs/`, values on both sides of every bound of
+//! every range, and mistakes.
 //!
 //! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` regenerates both files.
 
@@ -18,7 +18,7 @@ fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Returns the JSON that an editor derives from TOML.
+/// Converts TOML to JSON as an editor does.
 fn json_of(value: &toml::Value) -> Value {
     match value {
         toml::Value::Array(values) => values.iter().map(json_of).collect(),
@@ -35,7 +35,7 @@ fn validator() -> jsonschema::Validator {
     jsonschema::draft7::new(&reference::schema()).unwrap()
 }
 
-/// Whether the schema and whether the parser accept a text.
+/// Returns whether the schema accepts a text, and whether the parser accepts it.
 fn accepted(validator: &jsonschema::Validator, text: &str) -> [bool; 2] {
     let document = json_of(&toml::Value::Table(text.parse().unwrap_or_else(|error| panic!("{error} in\n{text}"))));
     [validator.is_valid(&document), Config::from_text(text, "test.toml", Path::new("/sky"), &[]).is_ok()]
@@ -118,7 +118,8 @@ fn edges() -> Value {
     json!({ "left_deg": -89.0, "right_deg": 89.0, "up_deg": 89.0, "down_deg": -89.0 })
 }
 
-/// Returns the ranges of all keys that a document can have without files. The tables of views have the ranges of the general sections.
+/// Returns the ranges of all keys that a document can contain without referring to files. The tables of views are left
+/// out, because they have the ranges of the general sections.
 fn ranges() -> Vec<(String, Range)> {
     let elsewhere = ["exposure", "glare", "tone_map", "source_scale", "gamma", "white_cd_m2", "black_cd_m2"];
     let is_here =
@@ -132,12 +133,12 @@ fn ranges() -> Vec<(String, Range)> {
         .collect()
 }
 
-/// An overlay with an observer.
+/// Returns a document with an overlay and an observer.
 fn on_earth(overlay: Value) -> Value {
     json!({ "overlay": overlay, "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
 }
 
-/// Returns a look whose frame has the key of a range.
+/// Returns a `look` in the frame that `key` belongs to.
 fn look_with(key: &str) -> Value {
     match key.rsplit('.').next().unwrap() {
         "azimuth_deg" | "altitude_deg" => json!({ "azimuth_deg": 0.0, "altitude_deg": 0.0 }),
@@ -146,7 +147,7 @@ fn look_with(key: &str) -> Value {
     }
 }
 
-/// Returns complete documents that contain the key of a range, as JSON in which the key's value is to be replaced.
+/// Returns complete JSON documents into which the key of a range can be inserted.
 fn documents(range_key: &str) -> Vec<Value> {
     let list = range_key.split("[]").next().unwrap();
     let kinds: &[&str] = match list {
@@ -192,7 +193,7 @@ fn documents(range_key: &str) -> Vec<Value> {
             return pictures.into_iter().map(|picture| on_earth(json!({ "pictures": [picture] }))).collect();
         }
         _ => {
-            // Other keys that a bound requires.
+            // Add other keys that a bound requires.
             let others = match range_key {
                 key if key.starts_with("scene.camera.look.") => {
                     json!({ "scene": { "camera": { "look": look_with(key) } } })
@@ -227,7 +228,7 @@ fn documents(range_key: &str) -> Vec<Value> {
                 "stars.gaussian_psf.saturation_magnitude" => {
                     json!({ "stars": { "gaussian_psf": { "limiting_magnitude": 100.0 } } })
                 }
-                // Other keys without which the key has no effect.
+                // Add other keys without which the key has no effect.
                 "exposure.ev100" => json!({ "exposure": { "mode": "manual" } }),
                 "exposure.key" => json!({ "exposure": { "metering": "mean" } }),
                 "exposure.spot_deg" => json!({ "exposure": { "metering": "spot" } }),
@@ -238,7 +239,7 @@ fn documents(range_key: &str) -> Vec<Value> {
             return vec![others];
         }
     };
-    // The kinds of list entries that have the key.
+    // Select the kinds of list entries that have the key.
     let keys: Vec<&str> = range_key.split("[].").nth(1).unwrap().split('.').collect();
     let all = kinds.iter().map(|kind| listed(list, kind));
     let has = |table: &Map<String, Value>| match keys.as_slice() {
@@ -253,7 +254,7 @@ fn documents(range_key: &str) -> Vec<Value> {
     all.filter(has).map(|table| json!({ list: [table] })).collect()
 }
 
-/// Sets a key to a number; in a list of numbers its first element, or all elements.
+/// Sets a key to a number. In a list of numbers, sets the first element, or all elements if `whole_list` is true.
 fn put(document: &Value, key: &str, number: Value, whole_list: bool) -> Value {
     let mut document = document.clone();
     let mut place = &mut document;
@@ -276,10 +277,10 @@ fn put(document: &Value, key: &str, number: Value, whole_list: bool) -> Value {
     document
 }
 
-/// Bounds that no configuration reaches because another rule refuses it first: the key, whether it is the upper bound,
-/// and a nearby value that is accepted.
+/// Bounds that no configuration can reach, because another rule refuses them first: the key, whether it is the upper
+/// bound, and a nearby value that is accepted.
 const UNREACHED: &[(&str, bool, f64)] = &[
-    // The two keys must differ, and the other one has the same bound.
+    // The two keys must have different values, and the other key has the same bound.
     ("stars.billboard.brightest_magnitude", true, 99.9),
     ("stars.billboard.faintest_magnitude", false, -99.9),
     ("stars.gaussian_psf.saturation_magnitude", true, 99.9),
@@ -293,13 +294,13 @@ const UNREACHED: &[(&str, bool, f64)] = &[
     ("bodies[].emission.absolute_magnitude", false, -10.0),
 ];
 
-/// Returns a bound, or a nearby value if no configuration reaches it.
+/// Returns a bound, or a nearby value if no configuration can reach the bound.
 fn reached(key: &str, upper: bool, bound: f64) -> f64 {
     let matches = |entry: &str| if entry.contains('.') { entry == key } else { key.rsplit('.').next() == Some(entry) };
     UNREACHED.iter().find(|(entry, of_upper, _)| matches(entry) && *of_upper == upper).map_or(bound, |entry| entry.2)
 }
 
-/// Returns the next value beyond a bound that the type of the key can distinguish from it.
+/// Returns the nearest value beyond a bound that the type of the key can distinguish from the bound.
 fn beyond(bound: f64, upwards: bool, whole: bool, angle: bool) -> f64 {
     let sign = if upwards { 1.0 } else { -1.0 };
     if whole {
@@ -312,8 +313,8 @@ fn beyond(bound: f64, upwards: bool, whole: bool, angle: bool) -> f64 {
     }
 }
 
-/// Lists bounds of a range that the parser or the schema refuses, and values just beyond that one of them accepts; also
-/// returns the number of checks.
+/// Lists the bounds of a range that the parser or the schema refuses, and the values just beyond a bound that the
+/// parser or the schema accepts. Also returns the number of checks.
 fn disagreements(validator: &jsonschema::Validator, key: &str, range: &Range) -> (Vec<String>, usize) {
     let documents = documents(key);
     assert!(!documents.is_empty(), "{key}: no document has this key");
@@ -334,7 +335,7 @@ fn disagreements(validator: &jsonschema::Validator, key: &str, range: &Range) ->
     ]
     .contains(&name);
     let angle = key.starts_with("views") && name.ends_with("_deg");
-    // Values, and whether they are valid.
+    // Pairs of a value and whether it is valid.
     let least = range.least.unwrap();
     let mut values = vec![(beyond(least, false, whole, angle), false)];
     if range.above {
@@ -438,7 +439,7 @@ fn schema_and_parser_refuse_the_same_mistakes() {
     }
 }
 
-/// Calls `visit` with the path and schema of every key.
+/// Calls `visit` with the path and the schema of every key.
 fn keys(schema: &Value, path: &str, visit: &mut dyn FnMut(&str, &Value)) {
     for form in ["oneOf", "anyOf"].iter().filter_map(|form| schema[*form].as_array()).flatten() {
         keys(form, path, visit);

@@ -1,4 +1,4 @@
-//! The program as a daemon: the real renderer over a real socket, ended by real signals.
+//! The program as a daemon, with the real renderer and a real socket, ended by real signals.
 
 use std::{
     io::{BufRead, BufReader, Read},
@@ -30,7 +30,7 @@ pub(super) struct Daemon {
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // It may have ended already, as in most tests.
+        // The daemon may have ended already, as in most tests.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -91,7 +91,7 @@ impl Daemon {
     }
 }
 
-/// Returns the illuminance of all pixels, lux, and the brightest pixel.
+/// Returns the illuminance of all pixels together, lux, and the brightest pixel.
 fn light(frame: &ReceivedFrame, view: &View) -> (f64, [u32; 2]) {
     let image = &frame.images[0];
     assert_eq!([image.width, image.height], SIZE);
@@ -182,7 +182,7 @@ async fn view_exposure_follows_the_client_and_undrawable_settings_are_refused() 
                 break frame;
             }
         };
-        // The first frame after the change has the new exposure, and so has a frame requested separately.
+        // The first frame after the change has the new exposure, and so has a frame from a separate request.
         let single = client.render_frame("all", Encoding::Rgba8).await.unwrap();
         for frame in [&frame, &single] {
             let off = frame.exposure_ev100 - expected_ev100.unwrap_or(frame.exposure_ev100);
@@ -213,7 +213,7 @@ async fn view_exposure_follows_the_client_and_undrawable_settings_are_refused() 
 #[test]
 fn sigterm_during_loading_exits_cleanly() {
     let folder = tempfile::tempdir().unwrap();
-    // A pipe without a writer: loading it never ends.
+    // The catalogue is a pipe without a writer, so loading it never ends.
     assert!(Command::new("mkfifo").arg(folder.path().join("endless.csv")).status().unwrap().success());
     let mut daemon = Daemon::start(folder.path(), "endless.csv");
     daemon.wait_for_log("loading endless.csv");
@@ -222,7 +222,7 @@ fn sigterm_during_loading_exits_cleanly() {
     assert!(err.contains("SIGTERM"), "{err}");
 }
 
-/// A daemon killed during changes restores all acknowledged changes.
+/// If a daemon is killed during changes, it restores all acknowledged changes.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn killed_daemon_restores_acknowledged_changes() {
     let folder = tempfile::tempdir().unwrap();
@@ -265,7 +265,7 @@ async fn killed_daemon_restores_acknowledged_changes() {
     assert_eq!(code, Some(0));
 }
 
-/// Views of several types, with and without separate settings.
+/// Views of several types, with and without own settings.
 const VIEWS: [&str; 3] = [
     "name = 'dome'\ntype = 'fisheye'\nsize = [96, 96]\nfov_deg = 200.0\nmapping = 'equisolid'\norientation = [0.0, 0.6, 0.0, 0.8]",
     "name = 'eyes'\ntype = 'stereo'\nsize = [48, 40]\nipd_m = 0.064\n\
@@ -283,7 +283,8 @@ async fn pictures(client: &mut Client) -> Vec<Vec<u8>> {
     pictures
 }
 
-/// A view made by a client shows the same bytes as the same table in a configuration, also after the daemon was killed.
+/// A view that a client creates has the same bytes as one from the same table in a configuration, even after the daemon
+/// was killed.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn view_made_by_a_client_equals_the_configured_view() {
     let folder = tempfile::tempdir().unwrap();
@@ -305,7 +306,7 @@ async fn view_made_by_a_client_equals_the_configured_view() {
     assert!(pictures(&mut client).await == expected, "the pictures of views made by a client differ");
     let kept = client.views().await.unwrap();
     assert_eq!(kept.iter().map(|view| view.definition.clone().unwrap()).collect::<Vec<_>>(), defined);
-    // The comparison detects a different picture.
+    // The comparison must detect a different picture.
     let dome = kept.iter().find(|view| view.name == "dome").and_then(|view| view.definition.clone()).unwrap();
     let with_field = |fov_deg: f64| {
         let mut geometry = dome.geometry.clone();

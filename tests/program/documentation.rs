@@ -1,6 +1,6 @@
-//! Tests the documentation: the commands of README.md and of every page in `docs/` work as written, every example runs,
-//! every link leads to a file and a heading, and every path that a page or a comment of `src/`, `crates/` or `shaders/` names exists.
-//! Measured figures: see `measured`.
+//! Tests the documentation. The commands in README.md and in every page of `docs/` work as written, every example runs, every link leads to an
+//! existing file and heading, and all paths exist that are named in a page or in a comment of `src/`, `crates/` or `shaders/`. Measured figures: see
+//! `measured`.
 //!
 //! Commands are the lines of the fenced blocks marked `sh`. The commands of a page run one after the other by `sh`, in
 //! a folder with the repository's configurations and with the built program in PATH:
@@ -9,9 +9,9 @@
 //! - `steradian serve` runs in the background on a free port and is stopped by SIGTERM after the last command,
 //! - `steradian show` draws three frames, or exits with 69 if there is no display,
 //! - `steradian xr` draws one frame, or exits with 69 and the missing part of OpenXR,
-//! - Python programs are run by `python/tests/test_documents.py` if Python has their dependencies; here their files
-//!   must have the named options,
-//! - commands in [`EXCUSED`] are not run; a substitute check is made.
+//! - Python programs are run by `python/tests/test_documents.py` if Python has their dependencies; here, their files only have to exist and have the
+//!   options that commands use,
+//! - commands in [`EXCUSED`] are not run; they are checked in another way.
 
 use std::{
     collections::BTreeSet,
@@ -30,7 +30,7 @@ const DOCUMENTED_ADDRESS: &str = "127.0.0.1:7143";
 /// Commands that are not run: their beginning, the reason, and the substitute check.
 const EXCUSED: &[(&str, &str, Check)] = &[
     ("make ", "runs these tests, or installs packages; the Makefile must have the target", check_make),
-    ("grpcurl ", "may not be installed; the protocol must have the called method", check_grpcurl),
+    ("grpcurl ", "grpcurl may not be installed; the protocol must have the called method", check_grpcurl),
     ("PYTHONPATH=", "python/tests/test_documents.py runs it; the file must have the options", check_python),
     ("scripts/", "installs packages; the script must exist", check_script),
 ];
@@ -38,7 +38,7 @@ const EXCUSED: &[(&str, &str, Check)] = &[
 /// Check of a command that is not run.
 type Check = fn(&str) -> Result<(), String>;
 
-/// Paths in code spans that are not files of the repository: their beginning and the reason.
+/// Paths in code spans that are not files of the repository: their beginning, and the reason.
 const NO_FILES: &[(&str, &str)] = &[
     ("out/", "written by commands of the documentation"),
     ("target/", "built by Cargo"),
@@ -62,7 +62,7 @@ const ROOTS: [&str; 6] = ["", "src", "shaders", "crates/sky/src", "crates/render
 const SOURCE_FOLDERS: [&str; 10] =
     ["src", "crates", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto", "python"];
 
-/// Timeout far above the time that a daemon needs to start or end.
+/// Time limit for the start and for the end of a daemon, far above the time that these need.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn repository() -> &'static Path {
@@ -109,7 +109,7 @@ fn has_target(makefile: &str, target: &str) -> bool {
     makefile.lines().any(|line| line.starts_with(&format!("{target}:")))
 }
 
-/// Whether the protocol contains a call such as `steradian.v1.ViewService/ListViews`.
+/// Whether the protocol contains a call. Example: `steradian.v1.ViewService/ListViews`.
 fn has_call(call: &str) -> bool {
     let Some((service, method)) = call.strip_prefix("steradian.v1.").and_then(|name| name.split_once('/')) else {
         return false;
@@ -138,7 +138,7 @@ fn check_make(command: &str) -> Result<(), String> {
     if found { Ok(()) } else { Err(format!("`{command}`: the Makefile does not have this target")) }
 }
 
-/// Checks the mask of a `grpcurl` command: grpcurl reads masks as messages whose paths have the names of the protocol.
+/// Checks the mask of a `grpcurl` command. grpcurl reads a mask as a message, in which paths have the names of the protocol.
 fn check_mask(command: &str) -> Result<(), String> {
     let Some((_, rest)) = command.split_once("-d '") else { return Ok(()) };
     let text = rest.split('\'').next().unwrap_or_default();
@@ -227,7 +227,7 @@ impl Reader {
             return check(&command);
         }
         if command.starts_with("steradian serve") {
-            // A node joins the running processes, so they are not stopped.
+            // Do not stop the running processes if the command starts a node, because the node joins them.
             if !command.contains("--role node") {
                 self.stop()?;
             }
@@ -268,7 +268,7 @@ impl Reader {
         let mut shell = self.shell(&format!("exec {command}"));
         shell.stdout(Stdio::piped()).stderr(fs::File::create(&log).map_err(|error| error.to_string())?);
         let mut daemon = shell.spawn().map_err(|error| format!("`{command}`: {error}"))?;
-        let output = daemon.stdout.take().expect("standard output is a pipe");
+        let output = daemon.stdout.take().expect("standard output must be a pipe");
         self.daemons.push(daemon);
         let (sender, lines) = mpsc::channel();
         thread::spawn(move || {
@@ -282,7 +282,7 @@ impl Reader {
             let logged = fs::read_to_string(&log).unwrap_or_default();
             format!("`{command}`: prints nothing: {error}\n{logged}")
         })?;
-        // A node listens on a free port.
+        // A node listens on any free port.
         let listening = line
             .strip_prefix("listening on ")
             .is_some_and(|address| address == self.address || command.contains("--role node"));
@@ -293,7 +293,7 @@ impl Reader {
         }
     }
 
-    /// Stops the daemons that run with SIGTERM, as a service manager does.
+    /// Stops the running daemons with SIGTERM, as a service manager does.
     fn stop(&mut self) -> Result<(), String> {
         std::mem::take(&mut self.daemons).into_iter().try_for_each(stopped)
     }
@@ -418,8 +418,7 @@ fn documents_run_all_examples_and_readme_names_make_commands() {
     }
 }
 
-/// Returns the relative targets of the links and pictures of a document: a file (empty for the document itself) and a
-/// heading.
+/// Returns the relative targets of the links and pictures in a document. A target consists of a file (empty for the document itself) and a heading.
 fn links(document: &str) -> Vec<(String, Option<String>)> {
     let targets = document.split("](").skip(1).filter_map(|rest| rest.split(')').next());
     let targets = targets.filter(|target| !target.contains("://"));
@@ -487,8 +486,7 @@ fn files_below(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Whether a code span looks like a path of the repository: it ends like a source file, or consists of lower-case
-/// folder names.
+/// Whether a code span looks like a path of the repository: it has the extension of a source file, or consists of lower-case folder names.
 fn is_path(span: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_./{},-*~".contains(c);
     let named = [".rs", ".wgsl", ".toml", ".proto", ".sh", ".md", ".svg", ".png", ".json"];
@@ -497,8 +495,8 @@ fn is_path(span: &str) -> bool {
     !code && span.chars().all(plain) && (folders || named.iter().any(|ending| span.ends_with(ending)))
 }
 
-/// Whether a path exists: from the root, below `src/`, `shaders/` or the sources of a crate, or, without a folder, as the name of a source
-/// file or shader. A path without an extension may be a folder or a module. `*` matches any text in a name.
+/// Whether a path exists. It can be relative to the root, to `src/`, to `shaders/` or to the sources of a crate. Without a folder, it can be the name
+/// of a source file or shader. A path without an extension may be a folder or a module. `*` matches any text in a name.
 fn exists(path: &str, sources: &[PathBuf]) -> bool {
     let whole = |root: &str| {
         let path = repository().join(root).join(path);
@@ -519,7 +517,7 @@ fn exists(path: &str, sources: &[PathBuf]) -> bool {
     ROOTS.into_iter().any(whole) || by_name()
 }
 
-/// The files that [`exists`] knows by name.
+/// Returns the files that [`exists`] accepts without a folder.
 fn sources() -> Vec<PathBuf> {
     let mut sources = Vec::new();
     for folder in SOURCE_FOLDERS {
@@ -535,13 +533,13 @@ fn missing_paths(document: &str, sources: &[PathBuf]) -> Vec<String> {
     spans.flat_map(|span| expanded(&span)).filter(|path| !exists(path, sources)).collect()
 }
 
-/// Paths of files in the comments of a Rust or WGSL file: words that begin with a folder of sources or end as the name of a source file.
-/// Comments after code on the same line are left out.
+/// Returns the paths of files in the comments of a Rust or WGSL file. These are words that begin with a folder of sources, or end like the name of a
+/// source file. Comments that follow code on the same line are left out.
 fn paths_in_comments(source: &str) -> Vec<String> {
     let separates = |c: char| c.is_whitespace() || "()[];:\"`|".contains(c);
     let comments = source.lines().filter_map(|line| line.trim_start().strip_prefix("//"));
     let words = comments.flat_map(|comment| comment.trim_start_matches(['/', '!']).split(separates));
-    // A list in braces is one word, so commas end words only at their ends.
+    // A list in braces is one word, so commas inside of a word do not end it.
     let words = words.map(|word| word.trim_end_matches([',', '.']).trim_end_matches("'s"));
     let in_folder = |word: &str| SOURCE_FOLDERS.iter().any(|folder| word.starts_with(&format!("{folder}/")));
     let of_source =

@@ -1,4 +1,4 @@
-//! Projectors end to end: calibration files, light in OpenEXR and PNG, and the results of `dome check`.
+//! Tests projectors end to end: calibration files, light in OpenEXR and PNG, and the results of `dome check`.
 
 use std::{
     f64::consts::PI,
@@ -13,21 +13,21 @@ use steradian::units::illuminance_lx_from_magnitude;
 use crate::exr_file::channels;
 
 const SIZE: [usize; 2] = [110, 200];
-/// Samples along a side of the grids.
+/// Number of samples along a side of the grids.
 const SAMPLES: usize = 49;
 const STARS: usize = 40;
 
-/// The halves of a dome of 120 degrees around -z overlap by 10 degrees. Returns the direction at a point of the left or
-/// right raster (0 to 1).
+/// Returns the direction at a point (0 to 1) of the left or right raster. The rasters show the halves of a dome of 120
+/// degrees around -z, which overlap by 10 degrees.
 fn direction(right: bool, [u, v]: [f64; 2]) -> DVec3 {
     let across = (70.0 * u - if right { 5.0 } else { 65.0 }).to_radians();
     let along = (65.0 - 130.0 * v).to_radians();
-    // A smooth distortion that is not a formula known to the program.
+    // Add a smooth distortion that the program has no formula for.
     let along = along + 0.03 * (2.0 * across).sin() * along.cos();
     DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos())
 }
 
-/// Solid angle of a pixel in closed form.
+/// Returns the solid angle of a pixel, from the closed form of the directions.
 fn pixel_sr(right: bool, x: usize, y: usize) -> f64 {
     let ray_direction = |dx: f64, dy: f64| {
         let place = [(x as f64 + 0.5 + dx) / SIZE[0] as f64, (y as f64 + 0.5 + dy) / SIZE[1] as f64];
@@ -38,7 +38,7 @@ fn pixel_sr(right: bool, x: usize, y: usize) -> f64 {
         / (4.0 * h * h)
 }
 
-/// Encodes directions as PFM, with the bottom row first as in Netpbm, or the top row.
+/// Encodes directions as PFM. The first row is the bottom row, as in Netpbm, or the top row.
 fn pfm(right: bool, bottom_first: bool) -> Vec<u8> {
     let mut bytes = format!("PF\n{SAMPLES} {SAMPLES}\n-1.0\n").into_bytes();
     let rows: Vec<usize> = if bottom_first { (0..SAMPLES).rev().collect() } else { (0..SAMPLES).collect() };
@@ -50,7 +50,7 @@ fn pfm(right: bool, bottom_first: bool) -> Vec<u8> {
     bytes
 }
 
-/// Returns stars in the common part of both halves without their borders, and the light of each, lx.
+/// Returns a catalogue of stars that are away from the borders of the dome, and the light of each star, lx.
 fn catalogue() -> (String, Vec<f64>) {
     let mut text = "x,y,z,v_mag,teff_k\n".to_owned();
     let mut light = Vec::new();
@@ -95,8 +95,8 @@ fn folder() -> (tempfile::TempDir, Vec<f64>) {
     (folder, light)
 }
 
-/// The light of stars over both rasters is complete, weighted with closed-form solid angles and with the shares of
-/// stars shown by both.
+/// The rasters together have all light of the stars. Light is weighted with solid angles in closed form. Stars that
+/// both projectors show are counted twice.
 #[test]
 fn projectors_show_the_complete_light_of_stars() {
     let (folder, light) = folder();
@@ -117,7 +117,7 @@ fn projectors_show_the_complete_light_of_stars() {
         }
     }
     assert!((covered_sr / twice - 1.0).abs() < 1e-4 && twice < 4.0 * PI, "{covered_sr} {twice}");
-    // Stars shown by both projectors count twice: blends would share them, but PFM has no blends.
+    // Count stars twice if both projectors show them. Blends would divide their light, but PFM files have no blends.
     let both = |star: usize| {
         let u = (star as f64 * 7.0_f64.sqrt()).fract();
         (100.0 * u - 50.0).abs() < 5.0
@@ -143,7 +143,7 @@ fn dome_check_reports_faults_and_exits_1() {
             .map(|line| line.split(' ').next().unwrap().to_owned())
             .collect::<Vec<_>>()
     };
-    // Only the blend masks are missing.
+    // The only problem is that the blend masks are missing.
     assert_eq!(failed(&lines), ["blend"], "{lines}");
     assert!(lines.contains("no projector has a blend mask") && lines.contains("right"), "{lines}");
     let json: serde_json::Value =
@@ -158,7 +158,7 @@ fn dome_check_reports_faults_and_exits_1() {
     fs::write(folder.path().join("right.pfm"), pfm(true, false)).unwrap();
     let (code, lines, _) = check(&[]);
     assert!(code == 1 && lines.contains("rows upside down"), "{lines}");
-    // A key corrects this.
+    // A key of the configuration corrects this.
     let (_, lines, _) = check(&["--set", "views.right.rows=top_first"]);
     assert_eq!(failed(&lines), ["blend"], "{lines}");
     let one = configuration("").replace("right.pfm", "left.pfm");
@@ -191,7 +191,7 @@ fn invalid_projectors_are_refused_with_file_and_key() {
     let mut folded = pfm(true, true);
     let header = folded.len() - 12 * SAMPLES * SAMPLES;
     let (first, rest) = folded[header..].split_at_mut(12 * SAMPLES * (SAMPLES - 6));
-    // Repeat the last rows, so that the warp folds.
+    // Repeat the last rows, so that the warp folds over itself.
     for row in 0..6 {
         let from = first.len() - 12 * SAMPLES * (row + 2);
         rest[12 * SAMPLES * row..][..12 * SAMPLES].copy_from_slice(&first[from..][..12 * SAMPLES]);
@@ -204,7 +204,7 @@ fn invalid_projectors_are_refused_with_file_and_key() {
     assert!(code == 1 && lines.contains("folds      FAIL right") && lines.contains("coverage"), "{lines}");
 }
 
-/// Installers' files are converted to a configuration that can be drawn and checked, with computed blends.
+/// Installers' files are converted to a configuration with computed blends, which can be drawn and checked.
 #[test]
 fn import_writes_a_configuration_with_all_projectors() {
     let (folder, light) = folder();
@@ -221,7 +221,7 @@ fn import_writes_a_configuration_with_all_projectors() {
     let dome = ["--dome-fov-deg", "110", "--dome-tilt-deg", "90"];
     let (code, lines, _) = run(folder.path(), &[&["dome", "check", "--config", "imported.toml"], &dome[..]].concat());
     assert_eq!(code, 0, "{lines}");
-    // The shares of the computed blends carry the light of all stars once.
+    // With the shares of the computed blends, the light of every star is counted exactly once.
     let set = ["--set", "scene.catalogues=['stars.csv']", "--set", "glare.method=none"];
     let render = ["render", "--config", "imported.toml", "--out", "out", "--files", "exr"];
     let (code, _, log) = run(folder.path(), &[&render[..], &set].concat());
@@ -248,7 +248,7 @@ fn import_writes_a_configuration_with_all_projectors() {
     assert!(code == 64 && log.contains("1920x1080"), "{code} {log}");
 }
 
-/// No command writes over a file that it reads, and an import replaces an existing file only on demand.
+/// No command overwrites a file that it reads, and an import replaces an existing file only on request.
 #[test]
 fn inputs_and_edited_configurations_are_not_overwritten() {
     let (folder, _) = folder();
@@ -279,7 +279,7 @@ fn faults_of_calibrations_at_an_import_name_their_file() {
     let import = |file: &str, more: &[&str]| {
         run(folder.path(), &[&["projectors", "import", file, "--out", "new.toml"], more].concat())
     };
-    // Half of the columns are mirrored, so that the warp folds.
+    // Mirror half of the columns, so that the warp folds over itself.
     let mut folded = pfm(false, true);
     let header = folded.len() - 12 * SAMPLES * SAMPLES;
     for row in folded[header..].chunks_mut(12 * SAMPLES) {
@@ -294,12 +294,12 @@ fn faults_of_calibrations_at_an_import_name_their_file() {
         code == 65 && log.contains("folded.pfm") && log.contains("folds") && !log.contains("new.toml"),
         "{code} {log}"
     );
-    // A raster of one pixel once caused a panic.
+    // In an earlier version, a raster of one pixel caused a panic.
     for size in ["1x1", "1x48", "48x1"] {
         let (code, _, log) = import("left.pfm", &["--size", size]);
         assert!(code == 65 && log.contains("must be 2 to 16384 pixels per side"), "{size}: {code} {log}");
     }
-    // Options without effect in the format.
+    // These options have no effect in this format.
     let (code, _, log) = import("left.pfm", &["--eye-m", "0,1,0"]);
     assert!(code == 65 && log.contains("eye_m = [0, 1, 0] has no effect"), "{code} {log}");
     let check = |set: &str| run(folder.path(), &["dome", "check", "--config", "dome.toml", "--set", set]);

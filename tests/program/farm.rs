@@ -1,4 +1,4 @@
-//! The Slurm scripts in `scripts/farm/`, run without Slurm but with the variables that it sets: the tasks of a job give the same bytes as one
+//! Runs the Slurm scripts in `scripts/farm/` without Slurm, but with the variables that it sets. The tasks of a job must give the same bytes as one
 //! program.
 
 use std::collections::BTreeMap;
@@ -25,7 +25,7 @@ fn steradian(folder: &Path, arguments: &[&str]) {
     assert!(output.status.success(), "{arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Names and bytes of the files in a folder, except the lock.
+/// Returns the names and bytes of the files in a folder, except the lock.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     names.filter(|name| name != ".film.lock").map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()

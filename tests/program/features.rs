@@ -53,7 +53,8 @@ fn features_add_only_their_crates() {
     {
         assert_eq!(&crates_added_by(feature), crates_of_feature, "{feature}");
     }
-    // A cluster consists of daemons. The last crate comes with the network.
+    // The feature for clusters includes the daemon, because a cluster consists of daemons. The last crate is a
+    // dependency of the network.
     assert_eq!(crates_added_by("cluster"), ["prost", "tokio", "tonic", "zenoh", "tracing-subscriber"]);
     // The program has all subcommands, so it needs all crates except those of the network between daemons.
     let all: Vec<&str> =

@@ -68,7 +68,7 @@ fn frame_bytes_do_not_depend_on_runs_or_shards() {
         let expected = ["cube.front", "cube.up", "dome"].map(|stem| format!("{stem}_00004.{extension}"));
         assert_eq!(names, expected);
         assert!(alone.iter().all(|image| whole.contains(image)), "{format}");
-        // Frames differ, so the comparison is meaningful.
+        // The frames must differ from each other, so that the comparison is meaningful.
         assert!(whole[2].1 != whole[3].1, "{format}");
     }
 }

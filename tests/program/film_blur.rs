@@ -26,7 +26,8 @@ fn film(folder: &Path, out: &str, arguments: &[&str], code: i32) -> String {
     log
 }
 
-/// Writes a scene with one star, and a camera that turns past it at a constant rate and looks at it in frame 10.
+/// Writes a scene with one star, and a path on which the camera turns at a constant rate and looks at the star in frame
+/// 10.
 fn turning(scene: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
@@ -46,7 +47,8 @@ fn turning(scene: &str) -> tempfile::TempDir {
     folder
 }
 
-/// Returns the light of an image, lx, and the mean and the variance of its position along the rows, pixels.
+/// Returns the light of an image, lx, and the mean (pixels) and the variance (square pixels) of its position along the
+/// rows.
 fn moments(file: &Path) -> [f64; 3] {
     let [red, green, blue, omega_sr] = channels(&fs::read(file).unwrap(), ["R", "G", "B", "omega"]);
     let light =
@@ -101,10 +103,10 @@ fn single_moment_or_closed_shutter_gives_no_blur_and_sub_frames_share_the_exposu
         assert!(run("closed", &["--shutter", "0", "--sub-frames", "8"]) == sharp);
         let blurred = run("blurred", &["--shutter", "0.5", "--sub-frames", "4"]);
         assert!(blurred != sharp);
-        // A separate run into another folder gives the same bytes.
+        // Another run, into another folder, gives the same bytes.
         assert!(run("again", &["--shutter", "0.5", "--sub-frames", "4"]) == blurred);
     }
-    // It is a different film from the sharp one.
+    // The blurred film differs from the sharp one.
     let other = ["--frames", "10..11", "--shutter", "0.5", "--sub-frames", "4"];
     let log = film(folder.path(), "png8-sharp", &other, 64);
     assert!(log.contains("motion blur"), "{log}");

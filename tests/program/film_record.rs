@@ -14,7 +14,7 @@ use steradian::service::{CameraUpdate, Client, SceneUpdate};
 
 use super::daemon::Daemon;
 
-/// Centre, m, radius, m, and rate of the camera's movement.
+/// Centre (m), radius (m) and rate of the camera's movement.
 const CENTRE_M: DVec3 = DVec3::new(4e9, -2e9, 1e9);
 const RADIUS_M: f64 = 1e9;
 const RATE_RAD_S: f64 = 0.5;
@@ -33,7 +33,7 @@ fn record(folder: &Path, address: &str, arguments: &[&str]) -> Child {
         .unwrap();
     let mut line = String::new();
     let mut byte = [0];
-    // Read byte by byte, so that the rest of the output is left for the caller.
+    // Read byte by byte, so that the caller can read the rest of the output.
     let out = process.stdout.as_mut().unwrap();
     while !line.ends_with('\n') && out.read(&mut byte).unwrap() == 1 {
         line.push(char::from(byte[0]));
@@ -72,7 +72,7 @@ async fn recorded_path_follows_the_curve_of_the_camera() {
     let path = FilmPath::load(&folder.path().join("path.toml")).unwrap();
     assert_eq!(path.fps, FPS);
     let tracks = FilmTracks::new(&path);
-    // The camera moves at least between 0.2 and 3.4 s of the recording, whatever its exact start.
+    // Whenever exactly the recording starts, the camera moves at least from 0.2 to 3.4 s of it.
     let (mut out_of_circle, mut turned) = (0.0_f64, 0.0_f64);
     let mut angles_rad = Vec::new();
     for frame in 12..78 {
@@ -89,13 +89,15 @@ async fn recorded_path_follows_the_curve_of_the_camera() {
         "{} keyframes: distance {out_of_circle:.1e}, orientation {turned:.1e} rad, time {off_s:.4} s at most",
         path.keyframes.len()
     );
-    // Measured: 1.2e-4, 1.8e-6 rad. Times are times of arrival: within 10 ms.
+    // Measured: 1.2e-4 for the distance, 1.8e-6 rad for the orientation. Times are those at which the poses arrive,
+    // which are accurate to 10 ms.
     assert!(out_of_circle < 5e-4 && turned < 1e-5, "{out_of_circle} {turned}");
     assert!(off_s < 0.2, "{off_s} s");
     let limits: Vec<f64> = (0..96).map(|frame| tracks.at(frame).magnitude_limit.unwrap()).collect();
     assert!(limits[20] > 5.5 && limits[70] == 5.5, "{limits:?}");
 
-    // An existing file is kept unless it is to be replaced; a recording that the daemon ends is written.
+    // An existing file is not replaced unless an option requests it. If the daemon ends during a recording, the
+    // recording is written.
     let refused = |arguments: &[&str], part: &str| {
         let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
             .args(["film", "record", "--address", &address])

@@ -85,7 +85,7 @@ fn faults_are_found_and_a_repaired_film_has_the_same_bytes() {
         (&8.into(), &"damaged".into(), &false.into())
     );
 
-    // The configuration file has changed since: the film continues with the configuration with which it was begun.
+    // After the configuration file has changed, the film continues with the configuration with which it was begun.
     fs::write(folder.path().join("sky.toml"), SCENE.replace("[48, 32]", "[64, 32]")).unwrap();
     let (out, err) = film(folder.path(), &["repair", "film"], 0);
     assert!(
@@ -117,7 +117,7 @@ fn films_without_checksums_are_read_and_said_to_be_unverified() {
     let folder = new_folder();
     film(folder.path(), &draw("3..5", "film", &[]), 0);
     let dir = folder.path().join("film");
-    // Make the folder like one of an earlier version.
+    // Change the folder so that it is like one from an earlier version.
     fs::remove_file(dir.join("film.sha256")).unwrap();
     let mut record: serde_json::Value = serde_json::from_slice(&fs::read(dir.join("film.json")).unwrap()).unwrap();
     for key in ["frames", "sources", "shutter"] {

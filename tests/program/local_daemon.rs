@@ -1,4 +1,4 @@
-//! A daemon that another process runs for its own use ends with that process, however that process ends.
+//! If a process runs a daemon for its own use, the daemon ends when the process ends, in whatever way this happens.
 
 use std::{
     ffi::OsString,
@@ -11,7 +11,7 @@ use std::{
 
 use steradian::service::{DeliveryError, LocalDaemon};
 
-/// A process that does not end within this time never ends.
+/// A process that does not end within this time has failed.
 const PATIENCE: Duration = Duration::from_secs(60);
 const SCENE: &str =
     "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = [64, 32]\n";
@@ -31,7 +31,7 @@ fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// State and parent of a process, from `/proc/PID/stat`.
+/// Returns the state and the parent of a process, from `/proc/PID/stat`.
 fn stat(process: u32) -> Option<(String, u32)> {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     // The name in brackets may contain spaces.
@@ -64,10 +64,10 @@ fn daemon_ends_in_order_when_its_input_closes() {
     let mut line = String::new();
     BufReader::new(daemon.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert!(line.starts_with("listening on "), "{line}");
-    assert!(daemon.try_wait().unwrap().is_none(), "it serves while its input is open");
+    assert!(daemon.try_wait().unwrap().is_none(), "the daemon must serve while its input is open");
     drop(daemon.stdin.take());
     let mut status = None;
-    wait_until("the daemon goes on without its input", || {
+    wait_until("the daemon continues although its input is closed", || {
         status = daemon.try_wait().unwrap();
         status.is_some()
     });
@@ -106,11 +106,11 @@ fn killed_chart_leaves_no_daemon() {
         .spawn()
         .unwrap();
     let mut daemons = Vec::new();
-    wait_until("the chart starts no daemon", || {
+    wait_until("the chart did not start a daemon", || {
         daemons = children(chart.id());
         !daemons.is_empty()
     });
     chart.kill().unwrap();
     chart.wait().unwrap();
-    wait_until("a daemon outlives the chart", || !daemons.iter().any(|daemon| runs(*daemon)));
+    wait_until("a daemon still runs after the end of the chart", || !daemons.iter().any(|daemon| runs(*daemon)));
 }

@@ -1,5 +1,5 @@
 //! Tests that the table *Measured* of `README.md`, the figures in `crates/testkit/src/figures.rs` and the tests that assert
-//! them agree: the same figures, bounds close to them, and tests that exist and use them. Times have a separate table
+//! them agree: they have the same figures, the bounds are close to the figures, and the tests exist and use the figures. Times have a separate table
 //! and no tests.
 
 use std::{fs, path::Path};
@@ -28,7 +28,7 @@ fn rows(document: &str) -> Vec<Vec<String>> {
 fn problem_of_bound(figure: &Figure) -> Option<String> {
     let Figure { property, measured, bound, note, .. } = *figure;
     if !(measured.is_finite() && measured >= 0.0 && bound.is_finite() && bound >= measured) {
-        return Some(format!("{property}: a bound of {bound:e} for {measured:e}"));
+        return Some(format!("{property}: the bound {bound:e} is invalid for the figure {measured:e}"));
     }
     // An exact figure has no tolerance.
     let close = if measured == 0.0 { bound == 0.0 } else { RATIO.contains(&(bound / measured)) };
@@ -61,10 +61,10 @@ fn problems(document: &str, figures: &[Figure], test: &dyn Fn(&str) -> Result<St
             continue;
         };
         if figure.parse() != Ok(known.measured) {
-            problems.push(format!("{property}: the table says {figure}, the figure {:e}", known.measured));
+            problems.push(format!("{property}: the table has {figure}, the figure is {:e}", known.measured));
         }
         if *test != format!("`{}`", known.test) {
-            problems.push(format!("{property}: the table names {test}, the figure `{}`", known.test));
+            problems.push(format!("{property}: the table names the test {test}, the figure names `{}`", known.test));
         }
     }
     for figure in figures {
@@ -99,7 +99,7 @@ fn test_in(source: &str, name: &str, table: &str) -> Result<String, String> {
     Ok(lines[start..start + end].join("\n"))
 }
 
-/// Returns the text of a test by its path, such as `gpu::stars::light::name`.
+/// Returns the text of the test with this path, such as `gpu::stars::light::name`.
 fn test_by_path(path: &str) -> Result<String, String> {
     let segments: Vec<&str> = path.split("::").collect();
     let [binary, modules @ .., name] = segments.as_slice() else {
@@ -132,8 +132,8 @@ fn number_between(document: &str, before: &str, after: &str) -> Option<usize> {
 fn readme_counts_match_the_program() {
     let readme = fs::read_to_string(repository().join("README.md")).unwrap();
     assert_eq!(number_between(&readme, "`verify` runs ", " checks"), Some(verify::checks().len()));
-    let ours = number_between(&readme, "(docs/catalogues.md)); ", " own methods").unwrap();
-    let published = number_between(&readme, "own methods and ", " published ones").unwrap();
+    let ours = number_between(&readme, "(docs/catalogues.md)); ", " new methods").unwrap();
+    let published = number_between(&readme, "new methods and ", " published ones").unwrap();
     assert_eq!(ours + published, StarMethod::ALL.len());
     assert_eq!(number_between("a 12\nb", "a ", " b"), Some(12));
     assert_eq!(number_between("a few b", "a ", " b"), None);

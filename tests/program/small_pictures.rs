@@ -1,4 +1,4 @@
-//! Small pictures of a dome: a preview has the sky of the picture that it previews.
+//! Small pictures of a dome: the sky in a preview is as bright as in the full picture.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ const SIDES: [u32; 2] = [1024, 128];
 /// Side of a pixel of the large dome, arcminutes.
 const LARGE_PIXEL_ARCMIN: f64 = 54.47 * 180.0 / 1024.0;
 
-/// Starts a daemon with a dome of a size over Frankfurt at night.
+/// Starts a daemon with a dome of `size` pixels, which shows the night sky over Frankfurt.
 fn dome(folder: &Path, side: u32, reference_arcmin: f64) -> Daemon {
     let set = [
         "scene.time=2026-11-10T18:00:00Z".to_owned(),
@@ -32,7 +32,7 @@ fn dome(folder: &Path, side: u32, reference_arcmin: f64) -> Daemon {
     Daemon::start_with(folder, "builtin:bright", &arguments)
 }
 
-/// Median of the codes of G within a third of the radius.
+/// Returns the median of the codes of G within a third of the radius.
 fn sky_code(images: &[Image], side: u32) -> u8 {
     let image = &images[0];
     assert_eq!([image.width, image.height], [side; 2]);
@@ -68,7 +68,7 @@ async fn previews_of_a_dome_have_its_sky() {
         ("NextFrame", views.next_frame(next).await.unwrap().into_inner().images),
         ("StreamFrames", streamed.message().await.unwrap().unwrap().images),
     ];
-    // A smaller view of a client shares the exposure of the first view.
+    // A smaller view that a client creates shares the exposure of the first view.
     let spec = ViewSpec::from_toml(&format!("name = 'small'\ntype = 'dome_master'\nsize = [{small}, {small}]"));
     Client::connect(&address).await.unwrap().create_view(&spec.unwrap().0, None).await.unwrap();
     previews.push(("CreateView", rendered(&mut views, "small", 0).await));
@@ -79,7 +79,8 @@ async fn previews_of_a_dome_have_its_sky() {
     }
     drop((streamed, views, daemon));
 
-    // A daemon or film with only the small dome: with the large dome's pixels as reference, and with its own.
+    // For a daemon or film that has only the small dome, the sky is the same if the pixels of the large dome are the
+    // reference, and differs if the dome's own pixels are.
     for (reference_arcmin, is_alike) in [(LARGE_PIXEL_ARCMIN, true), (0.0, false)] {
         let mut daemon = dome(folder.path(), small, reference_arcmin);
         let mut views = ViewServiceClient::connect(format!("http://{}", daemon.address())).await.unwrap();

@@ -1,4 +1,4 @@
-//! Omni-directional stereo of domes: directions of near bodies, occlusion, light of stars, and packing.
+//! Tests omni-directional stereo of domes: directions of near bodies, occlusion, light of stars, and packing.
 
 use std::f64::consts::PI;
 use std::fs;
@@ -14,7 +14,7 @@ use crate::exr_file::channels;
 const SIDE: u32 = 512;
 /// Half the distance between the eyes, m.
 const RADIUS_M: f64 = 0.032;
-/// Azimuth from the front to the right and angle from the zenith, degrees; distance, m.
+/// Positions of bodies: azimuth from the front to the right and angle from the zenith, degrees; distance, m.
 const PLACES: [[f64; 3]; 5] =
     [[12.0, 88.0, 2.0], [85.0, 60.0, 1.0], [152.0, 40.0, 3.0], [231.0, 20.0, 1.5], [300.0, 75.0, 8.0]];
 
@@ -26,14 +26,14 @@ fn steradian(folder: &Path, arguments: &[&str], code: i32) -> String {
     log
 }
 
-/// World axes are the axes of the dome before its tilt: +y zenith, -z front.
+/// Returns a position in world axes, which are those of the dome before its tilt: +y zenith, -z front.
 fn place(polar: [f64; 3]) -> DVec3 {
     let [azimuth, zenith] = [polar[0], polar[1]].map(f64::to_radians);
     DVec3::new(zenith.sin() * azimuth.sin(), zenith.cos(), -zenith.sin() * azimuth.cos()) * polar[2]
 }
 
-/// Returns the viewing direction, perpendicular to the eye's position on the circle, in which a place is seen. `side`:
-/// -1 left, 1 right.
+/// Returns the viewing direction in which an eye sees a place. It is perpendicular to the eye's position on the circle.
+/// `side` is -1 for the left eye and 1 for the right one.
 fn seen_in(place_m: DVec3, side: f64) -> DVec3 {
     let mut direction = place_m.normalize();
     for _ in 0..60 {
@@ -42,7 +42,7 @@ fn seen_in(place_m: DVec3, side: f64) -> DVec3 {
     direction
 }
 
-/// Converts to the picture's axes: its centre is the zenith, its bottom the front.
+/// Converts a vector to the axes of the picture, whose centre is the zenith and whose bottom is the front.
 fn in_picture(world: DVec3) -> DVec3 {
     DVec3::new(world.x, world.z, -world.y)
 }
@@ -54,7 +54,8 @@ fn pixels(file: &Path) -> Vec<[f64; 2]> {
     (0..omega_sr.len()).map(|index| [light(index), f64::from(omega_sr[index])]).collect()
 }
 
-/// Returns the direction of the mean light within an angle of a direction, in the picture's axes, and that light, lx.
+/// Returns the mean direction of the light within an angle of a direction, in the picture's axes, and the sum of this
+/// light, lx.
 fn mean_direction(pixels: &[[f64; 2]], around: DVec3, radius_deg: f64) -> (DVec3, f64) {
     let mapping = Fisheye::new([SIDE; 2], FisheyeMapping::Equidistant, PI).unwrap();
     let (mut sum, mut total_lx) = (DVec3::ZERO, 0.0);
@@ -86,12 +87,12 @@ fn body(number: usize, place_m: DVec3, radius_m: f64, more: &str) -> String {
 #[test]
 fn near_bodies_have_the_directions_of_the_eye_circle_at_every_azimuth() {
     let folder = tempfile::tempdir().unwrap();
-    // On the horizon the angle between both eyes has a closed form.
+    // On the horizon, the angle between the directions of both eyes has a closed form.
     let ahead = DVec3::new(0.0, 0.0, -2.0);
     let apart_rad = seen_in(ahead, -1.0).angle_between(seen_in(ahead, 1.0));
     assert!((apart_rad - 2.0 * (RADIUS_M / 2.0).asin()).abs() < 1e-12);
     let pixel_rad = PI / f64::from(SIDE);
-    // Discs of about ten pixels, and points of light.
+    // Draw the bodies as discs of about ten pixels, and as points of light.
     for (kind, radius_m) in [("discs", 0.03), ("points", 0.0015)] {
         let lit = "emission = { absolute_magnitude = 50, temperature_k = 6000 }";
         let bodies: String = PLACES
@@ -113,7 +114,7 @@ fn near_bodies_have_the_directions_of_the_eye_circle_at_every_azimuth() {
             }
         }
         println!("{kind}: error of position {worst_px:.1e} pixels");
-        // Measured: 3.1e-3 of discs.
+        // Measured for discs: 3.1e-3.
         assert!(worst_px < 0.012, "{kind}: {worst_px}");
     }
 }
@@ -130,9 +131,13 @@ fn stars_equal_those_of_a_mono_dome_and_near_bodies_hide_them_from_one_eye() {
     render("two");
     let read = |name: &str| pixels(&folder.path().join(name));
     let one = read("one/dome.exr");
-    assert!(read("two/dome.left.exr") == one && read("two/dome.right.exr") == one, "a picture has a seam");
+    assert!(
+        read("two/dome.left.exr") == one && read("two/dome.right.exr") == one,
+        "the picture of an eye differs from the mono picture"
+    );
 
-    // Stars where the left eye sees the centres of black bodies, of some four pixels each.
+    // Put stars at the directions in which the left eye sees the centres of black bodies, which are some four pixels
+    // wide.
     let places = PLACES.into_iter().filter(|polar| polar[2] <= 3.0);
     let places: Vec<([f64; 3], DVec3)> = places.map(|polar| (polar, seen_in(place(polar), -1.0))).collect();
     let mut stars = "ra_deg,dec_deg,v_mag\n".to_owned();
@@ -178,7 +183,7 @@ fn eyes_are_packed_by_render_and_film_and_other_views_are_refused() {
     let film = ["film", "--config", "dome.toml", "--path", "path.toml", "--frames", "0..1", "--out", "film"];
     steradian(folder.path(), &film, 0);
     assert_eq!((size("film/dome_00000.png"), size("film/eyes_00000.png")), ((SIDE, 2 * SIDE), (120, 40)));
-    // The halves of the packed picture are the eyes.
+    // The halves of the packed picture are the pictures of the eyes.
     let packed = pixels(&out("render/eyes.exr"));
     let scene = fs::read_to_string(out("dome.toml")).unwrap();
     fs::write(out("dome.toml"), scene.replace("packing = 'side_by_side'\n", "")).unwrap();

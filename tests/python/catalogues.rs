@@ -1,6 +1,6 @@
-//! Imports of catalogues, checked by Python scripts that share no code with the program: they write tables, import them, and read the stores by the
-//! description of their format. `hats-import` is in a virtual environment that `scripts/ensure-python.sh hats` makes; `STERADIAN_HATS_PYTHON` names another
-//! Python that has it.
+//! Imports of catalogues, checked by Python scripts that share no code with the program. The scripts write tables, import them with the program, and
+//! read the stores according to the description of their format. `hats-import` is in a virtual environment that `scripts/ensure-python.sh hats`
+//! makes; `STERADIAN_HATS_PYTHON` names another Python that has it.
 
 use std::{
     ffi::OsString,
@@ -19,11 +19,11 @@ pub const TESTS: &[Test] = &[
     ("catalogues::light_of_a_store_is_that_of_its_table", || checked("light_sums.py")),
 ];
 
-/// Need hundreds of megabytes of packages.
+/// Tests that need hundreds of megabytes of packages.
 pub const HATS_TESTS: &[Test] =
     &[("catalogues::long::a_collection_of_hats_import_is_imported_without_its_margin", hats)];
 
-/// Runs a script with the program and an empty folder; panics with its output if it fails.
+/// Runs a script with the program and an empty folder as arguments; panics with its output if it fails.
 fn run(python: &OsString, script: &str) {
     let folder = tempfile::tempdir().unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/catalogues").join(script);

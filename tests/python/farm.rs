@@ -1,5 +1,6 @@
-//! The job templates of `scripts/farm/`: `openjd-cli` runs the film as a studio manager does, and the Kubernetes job fits its schema. Both programs are in a
-//! virtual environment that `scripts/ensure-python.sh farm` makes; `STERADIAN_FARM_PYTHON` names another Python that has them.
+//! Tests the job templates of `scripts/farm/`: `openjd-cli` runs the film as the render manager of a studio does, and the Kubernetes job conforms to
+//! its schema. Both programs are in a virtual environment that `scripts/ensure-python.sh farm` makes; `STERADIAN_FARM_PYTHON` names another Python
+//! that has them.
 
 use std::{
     fs,
@@ -63,7 +64,7 @@ fn openjd() -> Result<(), String> {
         parameters.iter().for_each(|parameter| arguments.extend(["-p", parameter.as_str()]));
         module(&python, &arguments)
     };
-    // Two chunks, the second of one frame, and the check.
+    // The job runs two chunks, of which the second has one frame, and then the check.
     let (succeeded, said) = run("Check", "--run-dependencies", "3-5");
     assert!(succeeded && said.contains("frames 3..6, 3 files: 3 verified"), "{said}");
     let drawn = Command::new(program)
@@ -76,7 +77,7 @@ fn openjd() -> Result<(), String> {
         let [of_job, alone] = ["film", "alone"].map(|out| fs::read(Path::new(&file(out)).join(name)).unwrap());
         assert!(of_job == alone, "{name}");
     }
-    // The check fails for a film with another frame.
+    // The check must fail if a frame of the film was replaced by another one.
     let (succeeded, said) = run("Check", "--no-run-dependencies", "3-6");
     assert!(!succeeded && said.contains("missing v_00006.png"), "{said}");
     Ok(())

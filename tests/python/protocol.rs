@@ -1,6 +1,6 @@
-//! The package reads the protocol from `steradian.binpb`, a serialised `FileDescriptorSet`, which is checked in: the
-//! package then works with every version of the protobuf runtime and needs no compiler. The file is the output of the
-//! build script for `proto/`, without comments.
+//! The package reads the protocol from `steradian.binpb`, a serialised `FileDescriptorSet` that is checked in.
+//! Therefore the package works with every version of the protobuf runtime, and needs no compiler. The file is the
+//! output of the build script for `proto/`, without comments.
 //!
 //! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test python protocol` updates it.
 
@@ -17,7 +17,7 @@ pub const TESTS: &[Test] =
 /// Descriptors of the protocol, with comments and positions.
 const COMPILED: &[u8] = steradian_proto::v1::DESCRIPTORS;
 
-/// The same without comments and positions.
+/// Returns the same descriptors without comments and positions.
 fn descriptors() -> FileDescriptorSet {
     let mut set = FileDescriptorSet::decode(COMPILED).unwrap();
     for file in &mut set.file {
@@ -26,7 +26,7 @@ fn descriptors() -> FileDescriptorSet {
     set
 }
 
-/// Returns the names of files that differ between the sets, or are missing in one.
+/// Returns the names of files that differ between the sets, or that one of the sets lacks.
 fn differences(a: &FileDescriptorSet, b: &FileDescriptorSet) -> Vec<String> {
     let only = |a: &FileDescriptorSet, b: &FileDescriptorSet| -> Vec<String> {
         let files = a.file.iter().filter(|file| !b.file.contains(file));

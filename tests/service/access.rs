@@ -50,7 +50,7 @@ impl Files {
         self.folder.path().join(name)
     }
 
-    /// Returns a certificate and its key, PEM.
+    /// Returns a certificate and its key as PEM.
     fn signed(&self, name: &str, is_expired: bool) -> [String; 2] {
         let mut params = CertificateParams::new([name.to_owned()]).unwrap();
         params.distinguished_name.push(DnType::CommonName, name);
@@ -74,7 +74,7 @@ impl Files {
         fs::rename(self.path("new.toml"), self.path("server.toml")).unwrap();
     }
 
-    /// Returns a source that reads the last written file on each call.
+    /// Returns a source that, on each call, reads the file that was written last.
     fn source(&self) -> steradian::service::AccessSource {
         let folder = self.folder.path().to_owned();
         Arc::new(move || Access::from_config(&configured(&folder)?, &folder))
@@ -117,12 +117,12 @@ fn code<T>(answer: Result<T, ClientError>) -> Option<Code> {
     answer.err().map(|error| error.code().unwrap_or_else(|| panic!("{error}")))
 }
 
-/// Results of calls that need the roles `view`, `steer` and `admin`.
+/// Makes calls that need the roles `view`, `steer` and `admin`; returns their results.
 async fn gets(client: &mut Client) -> [Option<Code>; 3] {
     let pose = CameraUpdate { position_m: Some([1.0, 0.0, 0.0]), ..CameraUpdate::default() };
     let looks = code(client.camera().await);
     let steers = code(client.set_camera(&pose).await);
-    // There is no state file, so the snapshot call itself fails.
+    // There is no state file, so the snapshot call fails even with the role.
     let checks = code(client.load_snapshot("none", None).await);
     [looks, steers, checks]
 }
@@ -161,7 +161,7 @@ async fn only_tokens_and_certificates_give_access_with_their_roles() {
         (with_token("wrong"), NOTHING),
         (files.credentials(), NOTHING),
         (with(&desk), ALL),
-        // Signed by the authority, but not listed.
+        // This certificate is signed by the authority, but not listed.
         (with(&stranger), NOTHING),
         // A token takes precedence over the certificate of the connection.
         (Credentials { token: Some("look".to_owned()), ..with(&desk) }, [None, DENIED, DENIED]),
@@ -220,7 +220,7 @@ async fn replacing_a_token_ends_its_calls() {
     for bad in ["tokens = 3", "", TLS] {
         files.write(bad);
         reload.send(()).await.unwrap();
-        // When the channel has room again, the daemon has read the previous signal.
+        // When the channel has room again, the daemon has received the previous request to reload.
         drop(reload.reserve().await.unwrap());
         first.camera().await.unwrap();
     }
@@ -238,7 +238,7 @@ async fn replacing_a_token_ends_its_calls() {
     assert_eq!(end.as_ref().err().and_then(ClientError::code), Some(Code::Unauthenticated), "{end:?}");
     assert_eq!(code(first.camera().await), Some(Code::Unauthenticated));
     let mut second = connect(&daemon, &with_token("second")).await.unwrap();
-    // The lease of the ended call is free again.
+    // The lease of the call that was ended is free again.
     second.set_camera(&CameraUpdate { position_m: Some([4.0; 3]), ..CameraUpdate::default() }).await.unwrap();
     while within(cameras_of_other.next()).await.unwrap().expect("a camera").position_m.x != 4.0 {}
     daemon.shutdown().await.unwrap();
@@ -247,7 +247,7 @@ async fn replacing_a_token_ends_its_calls() {
 #[tokio::test]
 async fn only_the_page_is_served_without_a_token() {
     let files = Files::new();
-    // Behind an encrypting proxy, on the loopback address.
+    // The daemon serves without encryption on the loopback address, as behind an encrypting proxy.
     files.write(&token_of("viewer", Role::View, "look"));
     let source = files.source();
     let daemon = Daemon::start_with(small_rig(), |options| options.network.access = Some(source)).await;
@@ -268,8 +268,8 @@ async fn only_the_page_is_served_without_a_token() {
         assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{path} {more}: {answer}");
         assert_eq!(answer.to_ascii_lowercase().contains("www-authenticate: bearer"), status == "401");
     }
-    // For a host name that is not this daemon's, plain requests get a status and a text that probes and people
-    // understand.
+    // If a plain request names a host that is not this daemon's, the answer has a status that probes understand and a
+    // text that people understand.
     for path in ["/", "/metrics", "/healthz"] {
         let mut socket = TcpStream::connect(daemon.address).await.unwrap();
         let head = format!("GET {path} HTTP/1.1\r\nhost: control.example.org\r\nconnection: close\r\n\r\n");
@@ -368,7 +368,7 @@ async fn over_socket(path: &Path, request: &str) -> String {
     answer
 }
 
-/// Returns the days until the certificate of a daemon expires, as its metrics say.
+/// Returns the days until the certificate of a daemon expires, from its metrics.
 async fn days_left(path: &Path) -> f64 {
     let text = over_socket(path, "GET /metrics").await;
     let line = text.lines().find_map(|line| line.strip_prefix("steradian_certificate_expiry_seconds "));
@@ -402,12 +402,12 @@ async fn a_certificate_that_is_not_valid_is_refused_at_a_reload() {
         params.not_after = date_time_ymd(years[1], 1, 1);
         params
     };
-    // An expired certificate and one that is not valid yet change nothing; a valid one takes effect. Reloads are made
-    // in order.
+    // An expired certificate and one that is not valid yet change nothing; a valid one takes effect. Reloads happen in
+    // the order of their requests.
     for years in [[2020, 2021], [2500, 2600]] {
         put(params(years));
         reload.send(()).await.unwrap();
-        // The channel holds one request: when the next one fits, the previous reload has begun.
+        // The channel holds one request, so when the second one has been sent, the first reload has begun.
         reload.send(()).await.unwrap();
         assert!((days_left(&path).await - first).abs() < 1.0);
     }
@@ -420,7 +420,7 @@ async fn a_certificate_that_is_not_valid_is_refused_at_a_reload() {
     assert!(second > 1e5 && second < first, "{second}");
     daemon.shutdown().await.unwrap();
 
-    // At the start, an expired certificate is only a warning, because the socket needs no certificate.
+    // At the start, an expired certificate causes only a warning, because the socket needs no certificate.
     put(params([2020, 2021]));
     let (source, listen) = (files.source(), format!("unix:{}", path.display()));
     let daemon = Daemon::start_with(small_rig(), |options| {
@@ -432,7 +432,7 @@ async fn a_certificate_that_is_not_valid_is_refused_at_a_reload() {
     daemon.shutdown().await.unwrap();
 }
 
-/// A certificate that no longer names a host of `server.hosts` would lock out all clients that use the name.
+/// A new certificate that lacks a host of `server.hosts` would lock out all clients that use this name.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_certificate_that_lacks_a_named_host_is_refused_at_a_reload() {
     let files = Files::new();

@@ -95,7 +95,7 @@ async fn views_and_info_are_listed() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Values that the test engine puts into an image.
+/// Returns the values that the test engine writes into an image.
 fn expected(frame: &ReceivedFrame, view: usize, x_m: f64, image: usize) -> FrameImage {
     let received = &frame.images[image];
     let pixels = 0..(received.width * received.height) as usize;
@@ -139,7 +139,7 @@ async fn every_encoding_contains_the_rendered_values() {
                         reader.next_frame(&mut pixels).unwrap();
                         assert_eq!(Some(pixels), expected.display);
                     }
-                    // The encoders' unit tests decode JPEG and H.264.
+                    // JPEG and H.264 are decoded by the unit tests of the encoders.
                     Encoding::Jpeg | Encoding::H264 => assert_eq!(image.data, encode(encoding, &expected).unwrap()),
                     Encoding::Rgb32f => {
                         let floats = image.data.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap()));
@@ -208,7 +208,7 @@ async fn a_full_queue_refuses_at_once_and_few_frames_serve_the_other_calls() {
         let mut client: Client = client.clone();
         calls.spawn(async move { client.render_frame("eyes", Encoding::Png).await });
     }
-    // No frame can finish, so the first two answers are refusals.
+    // No frame can finish yet, so the first two answers are refusals.
     for _ in 0..2 {
         let answer = within(calls.join_next()).await.unwrap().unwrap();
         assert_eq!(answer.unwrap_err().code(), Some(Code::ResourceExhausted));
@@ -239,7 +239,7 @@ async fn single_frames_are_fully_adapted_after_a_pause() {
 
 #[tokio::test]
 async fn a_single_frame_soon_after_another_continues_adapting() {
-    // An hour: no pause of the machine is long enough to complete the adaptation.
+    // With a time constant of an hour, no pause of the machine is long enough to complete the adaptation.
     let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure = adapting(3600.0)).await;
     let mut client = daemon.client().await;
     *daemon.controls.metered_ev100_per_m.lock().unwrap() = 1.0;
@@ -263,7 +263,7 @@ async fn single_frames_after_a_jump_of_time_are_adapted_at_once() {
     client.update_scene(&update(1e8), None).await.unwrap();
     assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 0.0);
     *daemon.controls.metered_ev100.lock().unwrap() = 7.0;
-    // The adaptation continues from the previous frame, and takes an hour.
+    // After a small step of time, the adaptation, which takes an hour, continues from the previous frame.
     for _ in 0..2 {
         client.update_scene(&update(1e8 + 30.0), None).await.unwrap();
         let ev = client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100;

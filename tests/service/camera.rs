@@ -86,7 +86,8 @@ async fn the_lease_holder_has_exclusive_control_until_takeover_or_release() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Other clients and the log show the names of holders: a name must not begin a new line, or change how a line is read.
+/// Other clients and the log show the names of lease holders, so a name must not begin a new line or change how a line
+/// is displayed.
 #[tokio::test]
 async fn holders_have_no_hidden_characters() {
     let daemon = Daemon::start(small_rig()).await;
@@ -142,7 +143,8 @@ async fn incompatible_settings_are_refused() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Poses at 20 Hz, each 0.2 s ahead: frames show the camera between them, and watchers see where it comes to rest.
+/// A client sends poses at 20 Hz, each 0.2 s ahead. Frames show the camera between the poses, and watchers receive its
+/// final position.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn frames_show_the_camera_at_their_finish_time_along_timed_poses() {
     let daemon = Daemon::start(small_rig()).await;
@@ -173,7 +175,7 @@ async fn frames_show_the_camera_at_their_finish_time_along_timed_poses() {
             worst = worst.max((there - x).abs());
         }
     }
-    println!("{between} frames between poses, the worst {:.1} ms off", 1e3 * worst);
+    println!("{between} frames between poses, largest error {:.1} ms", 1e3 * worst);
     assert!(between > 20, "{between}");
     let steering = steers.await.unwrap();
     let (camera, poses) = within(steering.end()).await.unwrap();
@@ -197,7 +199,7 @@ async fn frames_show_the_camera_at_their_finish_time_along_timed_poses() {
     daemon.shutdown().await.unwrap();
 }
 
-/// A thousand poses a second from the lease holder: all are accepted, and frames show the newest.
+/// The lease holder sends a thousand poses per second. All are accepted, and frames show the newest.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_thousand_poses_per_second_are_accepted() {
     let daemon = Daemon::start(small_rig()).await;

@@ -1,4 +1,4 @@
-//! The clock of the machine is set while a scene runs and a client steers.
+//! The machine's clock is set forward and back while a scene runs and a client steers.
 
 use std::{
     sync::{
@@ -19,7 +19,7 @@ fn at_x(x: f64) -> CameraUpdate {
     CameraUpdate { position_m: Some([x, 0.0, 0.0]), ..CameraUpdate::default() }
 }
 
-/// A clock of the machine that a test sets.
+/// A replacement for the machine's clock, which a test can set.
 #[derive(Clone, Default)]
 struct MachineClock {
     set_s: Arc<AtomicI64>,
@@ -56,7 +56,7 @@ async fn a_running_scene_and_timed_poses_go_on_when_the_machines_clock_is_set() 
     let mut last_s = 1e8;
     for (turn, set_s) in [0, -3600, -2, 7200, 0].into_iter().enumerate() {
         machine.set(set_s);
-        // The scene's time neither jumps nor stands still.
+        // The time of the scene neither jumps nor stops.
         for _ in 0..3 {
             let next_s = within(async {
                 loop {
@@ -70,7 +70,7 @@ async fn a_running_scene_and_timed_poses_go_on_when_the_machines_clock_is_set() 
             assert!(next_s > last_s && next_s - last_s < 1000.0, "set by {set_s} s: {last_s} s, then {next_s} s");
             last_s = next_s;
         }
-        // The client sends poses by the machine's clock, and receives times of it.
+        // Times in the client's poses are those of the machine's clock, and so are the times that the client receives.
         let x = 1.0 + turn as f64;
         assert!(steering.send_for(&at_x(x), machine.now() + Duration::from_millis(100)).await);
         within(async { while client.camera().await.unwrap().position_m.x != x {} }).await;
@@ -85,7 +85,7 @@ async fn a_running_scene_and_timed_poses_go_on_when_the_machines_clock_is_set() 
     daemon.shutdown().await.unwrap();
 }
 
-/// A camera that moves from x = 0 to x = 80 in 8 s.
+/// Starts a movement of the camera from x = 0 to x = 80 in 8 s.
 async fn moves(client: &mut steradian::service::Client, name: &str) -> steradian::service::Steering {
     let mut steering = client.steer(Lease::Take, name).await.unwrap();
     let now = SystemTime::now();
@@ -99,7 +99,7 @@ async fn moves(client: &mut steradian::service::Client, name: &str) -> steradian
 async fn poses_that_wait_end_with_their_stream_and_with_its_lease() {
     let daemon = Daemon::start(small_rig()).await;
     let [mut first, mut second] = [daemon.client().await, daemon.client().await];
-    // An orderly end: the camera rests where the answer says.
+    // After an orderly end, the camera rests at the position in the answer.
     let steering = moves(&mut first, "first").await;
     let (rested, _) = within(steering.end()).await.unwrap();
     assert!(rested.position_m.x > 0.0 && rested.position_m.x < 80.0);
@@ -110,7 +110,7 @@ async fn poses_that_wait_end_with_their_stream_and_with_its_lease() {
     within(async { while second.camera_holder().await.unwrap() != "" {} }).await;
     let rested = second.camera().await.unwrap();
     assert_eq!(first.camera().await.unwrap().position_m, rested.position_m);
-    // Another client takes the lease: its poses do not wait for those of the first one.
+    // If another client takes over the lease, its poses do not wait for those of the first client.
     second.set_camera(&at_x(0.0)).await.unwrap();
     let _steering = moves(&mut first, "first").await;
     let mut taker = second.steer(Lease::TakeOver, "second").await.unwrap();

@@ -1,4 +1,4 @@
-//! A daemon in this process, with an engine whose images contain the number of their frame.
+//! Runs a daemon in this process, with a test engine that writes the number of the frame into its images.
 
 use std::{
     collections::VecDeque,
@@ -28,10 +28,10 @@ use steradian::{
 use tokio::{sync::oneshot, task::JoinHandle};
 use tonic::transport::{Channel, Endpoint};
 
-/// Far longer than any test takes: a waiting test fails instead of hanging.
+/// Time limit of a wait, so that a test fails instead of hanging. It is far longer than any test takes.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Returns the frame time for these settings, ms.
+/// Function that returns the frame time for these settings, ms.
 pub type TookMs = fn(&RenderSettings) -> f64;
 
 /// State shared by the test and the engine.
@@ -46,19 +46,19 @@ pub struct Controls {
     pub finished: AtomicU64,
     /// Frames fail.
     pub failing: AtomicBool,
-    /// The next frame to finish panics.
+    /// Makes the engine panic at the end of the next frame.
     pub panicking: AtomicBool,
-    /// Frames lose the device, and it cannot be reopened.
+    /// Makes frames lose the device, which then cannot be reopened.
     pub lost: AtomicBool,
-    /// This many frames lose the device.
+    /// Number of further frames that lose the device.
     pub losses: AtomicU64,
     /// Number of times that the device was reopened.
     pub reopened: AtomicU64,
-    /// Exposure that frames request, EV, at x = 0.
+    /// Exposure that frames meter at x = 0, EV.
     pub metered_ev100: Mutex<f64>,
-    /// Its change with the camera's x, EV/m.
+    /// Change of the metered exposure with the camera's x, EV/m.
     pub metered_ev100_per_m: Mutex<f64>,
-    /// Star method of each frame, and the number of checks run before it.
+    /// Star method and magnitude limit of each frame, and the number of checks that were run before the frame.
     pub drawn: Mutex<Vec<(StarMethod, f64, u64)>>,
     /// Objects and asteroid settings of the last frame.
     pub shown: Mutex<Option<(Arc<SceneObjects>, AsteroidSettings)>>,
@@ -78,12 +78,12 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// Blocks checks and baking.
+    /// Makes checks and baking wait.
     pub fn close_checks(&self) {
         *self.checks_closed.lock().unwrap() = true;
     }
 
-    /// Unblocks checks and baking.
+    /// Lets checks and baking continue.
     pub fn open_checks(&self) {
         *self.checks_closed.lock().unwrap() = false;
         self.opened.notify_all();
@@ -152,12 +152,12 @@ impl BesideEngine for TestBeside {
     }
 }
 
-/// Luminance of pixel `index` of view `view`, and the solid angle.
+/// Returns the luminance of pixel `index` of view `view`, and the solid angle.
 pub fn hdr_pixel(camera_x_m: f64, frame: u64, view: usize, index: usize) -> [f32; 4] {
     [camera_x_m as f32, frame as f32 + 0.25, (view * 10_000 + index) as f32, 1e-6]
 }
 
-/// Display value of pixel `index` of view `view`.
+/// Returns the display value of pixel `index` of view `view`.
 pub fn display_pixel(camera_revision: u64, view: usize, index: usize) -> [u8; 4] {
     [camera_revision as u8, view as u8, index as u8, 255]
 }
@@ -275,10 +275,10 @@ impl Engine for TestEngine {
     }
 }
 
-/// Side of the large view, pixels: its display image has 4 MiB, more than the buffers of a connection.
+/// Side of the large view, pixels. Its display image has 4 MiB, more than fits in the buffers of a connection.
 pub const LARGE: u32 = 1024;
 
-/// A flat view `flat` of 6 x 4 pixels and a stereo view `eyes` of 3 x 2.
+/// Returns a rig with a flat view `flat` of 6 x 4 pixels and a stereo view `eyes` of 3 x 2 pixels.
 pub fn small_rig() -> Rig {
     let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.8 };
     let kinds = [
@@ -298,7 +298,7 @@ fn rig(kinds: &[(&str, ViewKind)]) -> Rig {
     Rig::new(kinds.iter().map(view).collect()).unwrap()
 }
 
-/// Automatic exposure with a time constant of adaptation.
+/// Returns automatic exposure with this time constant of adaptation.
 pub fn adapting(adaptation_s: f64) -> ExposureSettings {
     ExposureValues { adaptation_s, ..ExposureValues::default() }.into()
 }
@@ -350,7 +350,7 @@ impl Daemon {
         format!("http://{}", self.address)
     }
 
-    /// Returns a plain channel, for services that the client does not cover.
+    /// Returns a plain channel, for services for which the client has no methods.
     pub async fn channel(&self) -> Channel {
         Endpoint::from_shared(self.uri()).unwrap().connect().await.unwrap()
     }

@@ -1,4 +1,4 @@
-//! A headset as one more view, driven by a thread that the test controls.
+//! A headset as an additional view, driven by a thread that the test controls.
 
 mod statistics;
 
@@ -52,15 +52,15 @@ enum Order {
 struct Headset {
     host: Mutex<Option<Arc<dyn Host>>>,
     orders: Mutex<VecDeque<Order>>,
-    /// No frames, as if the headset was not worn.
+    /// Whether the thread makes no frames, as if the headset was not worn.
     idle: AtomicBool,
-    /// Ignores requests to end.
+    /// Whether the thread ignores requests to end.
     stubborn: AtomicBool,
     /// Requested images of each frame.
     wanted: Mutex<Vec<Wanted>>,
     last_shown: Mutex<Option<Shown>>,
     ended: AtomicBool,
-    /// Number of frames; each has its own pose time.
+    /// Number of frames. Each frame has a different pose time.
     frames: AtomicU64,
 }
 
@@ -79,12 +79,12 @@ fn lost() -> Status {
     Status::Disconnected { reason: LOST.to_owned(), retrying: true }
 }
 
-/// Time at which the poses of a frame were requested.
+/// Returns the time at which the poses of a frame were queried.
 fn pose_time(number: u64) -> SystemTime {
     SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000 + number)
 }
 
-/// Images of the eyes: each pixel contains the frame and the eye.
+/// Returns images of the eyes, in which each pixel contains the numbers of the frame and the eye.
 fn mirrored(number: u64, shown: &Shown, wanted: Wanted) -> MirroredFrame {
     let parts = [Part::LeftEye, Part::RightEye].into_iter().enumerate();
     let images = parts.map(|(eye, part)| {
@@ -174,7 +174,7 @@ impl Headset {
     }
 }
 
-/// Options of a headset `visor` that the test controls.
+/// Returns the options of a headset `visor` that the test controls.
 fn visor(name: &str) -> (Arc<Headset>, HeadsetOptions) {
     let headset = Arc::new(Headset::default());
     let driven = Arc::clone(&headset);
@@ -192,7 +192,7 @@ fn visor(name: &str) -> (Arc<Headset>, HeadsetOptions) {
     (headset, HeadsetOptions { name: name.to_owned(), drive: Box::new(drive) })
 }
 
-/// A daemon with the small rig and a headset that is not connected yet.
+/// Starts a daemon with the small rig and a headset that is not connected yet.
 async fn start() -> (Daemon, Arc<Headset>) {
     let (headset, options) = visor("visor");
     let daemon = Daemon::start_with(small_rig(), |serve| serve.headset = Some(options)).await;
@@ -255,7 +255,7 @@ async fn the_headset_is_a_view_with_sizes_while_connected() {
     assert_eq!(status.images.len(), 2);
     let error = client.render_frame("vizor", Encoding::Png).await.unwrap_err();
     assert!(error.to_string().contains("flat, eyes, visor"), "{error}");
-    // No other view has its name, and it cannot be deleted.
+    // No other view can have the name of the headset, and the headset's view cannot be deleted.
     let made = client.create_view(&round("visor", 8), None).await.unwrap_err();
     assert_eq!(made.code(), Some(Code::AlreadyExists), "{made}");
     let deleted = client.delete_view("visor", None).await.unwrap_err();
@@ -323,7 +323,7 @@ async fn frames_from_before_the_call_or_without_its_images_do_not_serve_it() {
         let mut client = client.clone();
         async move { client.render_frame("visor", Encoding::Rgba8).await }
     });
-    // The frame in flight during the call: it shows the newest camera, but another pose of the head.
+    // This frame is in flight during the call. It shows the newest camera, but another pose of the head.
     until(|| {
         host.publish(mirrored(0, &host.shown().unwrap(), display));
         host.mirror().display
@@ -349,7 +349,7 @@ async fn a_lost_frame_is_requested_again() {
     connect(&daemon, &headset).await;
     let mut client = daemon.client().await;
     let host = headset.host();
-    // Once in a thousand seconds: a missing frame must not count.
+    // The stream gets one frame in a thousand seconds, so a lost frame must not count as delivered.
     let mut stream = client.stream_frames("visor", Encoding::Rgba8, 0.001).await.unwrap();
     let display = Wanted { display: true, ..Wanted::default() };
     assert_eq!(host.mirror(), display);
@@ -373,7 +373,7 @@ async fn waiting_calls_fail_when_the_headset_is_lost_or_idle() {
         let mut client = client.clone();
         async move { client.render_frame("visor", Encoding::Png).await }
     });
-    // The request is present when the headset is asked for images.
+    // The request of the call exists when the headset queries which images are requested.
     let host = headset.host();
     until(|| host.mirror().display).await;
     headset.send(Order::Lose);
@@ -409,7 +409,7 @@ async fn streams_mirror_the_eyes_at_their_own_rates_while_another_view_goes_on()
         while next(&mut flat).await.camera_revision < camera.revision {}
     }
     let (slow_frames, elapsed_s) = within(slow).await.unwrap();
-    // The clock starts before the first frame, so four frames per second limit the count on any machine.
+    // The clock starts before the first frame, so the count is at most four frames per second on any machine.
     assert!(slow_frames.len() as u32 <= 1 + (elapsed_s * 4.0) as u32, "{} in {elapsed_s} s", slow_frames.len());
     assert!(fast_frames.is_sorted_by(|a, b| a.number < b.number));
     assert!(fast_frames.iter().all(|frame| frame.images[0].data[0] == frame.number as u8));
@@ -431,7 +431,7 @@ async fn nothing_is_read_back_without_readers() {
     let mut stream = client.stream_frames("visor", Encoding::Png, 0.0).await.unwrap();
     next(&mut stream).await;
     drop(stream);
-    // The daemon learns of it a little later.
+    // The daemon detects the dropped stream a little later.
     let last = || headset.wanted.lock().unwrap().last().copied();
     until(|| last() == Some(Wanted::default())).await;
     let frames = headset.frames.load(SeqCst);
@@ -480,7 +480,7 @@ async fn flights_and_client_poses_combine_without_loss() {
     let mut client = daemon.client().await;
     let mut last = 0;
     for step in 1..=POSES {
-        // Only the velocity: position and orientation come from the flight.
+        // Set only the velocity, because position and orientation come from the flight.
         let velocity_c = Some([0.0, step as f64 * 1e-3, 0.0]);
         let camera = client.set_camera(&CameraUpdate { velocity_c, ..CameraUpdate::default() }).await.unwrap();
         assert!(camera.revision > last);
@@ -505,12 +505,12 @@ async fn a_flight_turns_about_world_axes_and_ends_at_invalid_numbers() {
     let about_x = quarter(DVec3::X).to_array();
     client.set_camera(&CameraUpdate { orientation: Some(about_x), ..CameraUpdate::default() }).await.unwrap();
     let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
-    // This time is of the daemon's clock, which a step of the machine's clock does not move.
+    // This time is from the daemon's clock, which does not change if the machine's clock is set.
     let before = next(&mut stream).await.pose_time;
     let host = headset.host();
     host.fly(&Flight { translation_m: DVec3::X, rotation: quarter(DVec3::Y) });
     let frame = next(&mut stream).await;
-    assert_eq!(frame.camera_revision, 2, "the stream does not wait for its heartbeat");
+    assert_eq!(frame.camera_revision, 2, "the stream must not wait for its heartbeat");
     assert!(frame.pose_time > before);
     let camera = client.camera().await.unwrap();
     let expected = quarter(DVec3::Y) * quarter(DVec3::X);
@@ -542,7 +542,7 @@ async fn the_headset_receives_scene_changes() {
     assert_eq!((after.snapshot.revision, after.settings.stars.method), (8, StarMethod::Tent));
     assert_eq!((after.snapshot.objects.time_s, after.snapshot.camera), (time_s, camera));
     assert!(Arc::ptr_eq(&before.snapshot.stars, &after.snapshot.stars));
-    // The headset's thread sees it too.
+    // The thread of the headset receives the change too.
     until(|| headset.last_content().snapshot.revision == 8).await;
     daemon.shutdown().await.unwrap();
 }
@@ -567,7 +567,7 @@ async fn streams_of_all_views_share_the_limit() {
     }
     next(&mut visor).await;
     drop(visor);
-    // The daemon learns of the dropped stream a little later.
+    // The daemon detects the dropped stream a little later.
     within(async {
         while let Err(error) = client.stream_frames("flat", Encoding::Png, 0.0).await {
             assert_eq!(error.code(), Some(Code::ResourceExhausted), "{error}");

@@ -1,4 +1,4 @@
-//! Limits for hostile or faulty clients.
+//! Tests the limits for hostile or faulty clients.
 
 use std::time::{Duration, Instant};
 
@@ -73,7 +73,7 @@ async fn silent_connections_are_closed_and_active_ones_stay() {
     let begun = Instant::now();
     for mut stream in silent {
         let mut rest = Vec::new();
-        // Closed, with or without an error.
+        // The connection is closed, with or without an error.
         let _ = within(stream.read_to_end(&mut rest)).await;
     }
     println!("closed after {:.1} s", begun.elapsed().as_secs_f64());
@@ -82,7 +82,7 @@ async fn silent_connections_are_closed_and_active_ones_stay() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Unread streams of large frames are refused if they would take too much memory, and others continue.
+/// Streams of large frames that are not read are refused if they would take too much memory. Other streams continue.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn streams_beyond_the_memory_limit_are_refused() {
     let daemon = Daemon::start(large_rig()).await;
@@ -181,7 +181,7 @@ async fn health_is_told_and_heads_are_answered() {
     daemon.shutdown().await.unwrap();
 }
 
-/// A client that has opened all streams that it may have leaves the rest to others.
+/// If a client has opened the maximum number of streams, other clients can still open streams.
 #[tokio::test]
 async fn one_client_cannot_take_all_streams() {
     let daemon = Daemon::start(small_rig()).await;

@@ -107,7 +107,7 @@ async fn streams_and_calls_survive_twenty_device_losses() {
     }
     assert_eq!(client.next_frame("flat", Encoding::Rgba8, 0, 0).await.unwrap().camera_revision, 20);
 
-    // A scene that loses every device is refused after some attempts; the next scene is drawn.
+    // If frames of a scene lose every device, the scene is refused after some attempts. The next scene is drawn.
     daemon.controls.losses.store(3, SeqCst);
     let error = within(client.render_frame("flat", Encoding::Png)).await.unwrap_err();
     assert!(error.to_string().contains("lose its device temporarily"), "{error}");
@@ -156,7 +156,7 @@ async fn bad_and_taken_addresses_are_clear_errors() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Returns the error of a daemon that must not start.
+/// Starts a daemon that must fail to start; returns its error.
 async fn refusal(listen: &str) -> ServeError {
     let scene = steradian::scene::SceneSnapshot {
         revision: 0,
@@ -189,7 +189,7 @@ async fn a_path_that_is_no_socket_is_refused_and_stays_as_it_is() {
     }
     assert_eq!(fs::read_to_string(path("notes.txt")).unwrap(), "months of notes");
 
-    // At its end a daemon removes its own socket, but not a file that has replaced it.
+    // When a daemon ends, it removes its own socket, but not a file that has replaced the socket.
     let listen = format!("unix:{}", path("socket").display());
     let daemon = Daemon::start_with(small_rig(), |options| options.network.listen = listen).await;
     fs::remove_file(path("socket")).unwrap();
@@ -214,7 +214,7 @@ async fn a_taken_address_is_found_before_slow_work() {
     assert!(!path.exists());
     let listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
     assert!(matches!(check(&listen), Err(ServeError::AddressInUse { .. })));
-    // The socket of a killed daemon is not an obstacle.
+    // A new daemon starts although the socket of a killed daemon still exists.
     drop(listener);
     check(&listen).unwrap();
     daemon.shutdown().await.unwrap();
@@ -240,15 +240,15 @@ async fn a_renderer_that_is_busy_after_the_drain_is_abandoned() {
     daemon.begin_shutdown();
     let controls = std::sync::Arc::clone(&daemon.controls);
     daemon.end().await.expect("the daemon ends without an error");
-    assert_eq!(controls.finished.load(SeqCst), 0, "the frame is still in flight");
+    assert_eq!(controls.finished.load(SeqCst), 0, "the frame must still be in flight");
     controls.open_gate();
-    // The runtime of this test lives on with the connection: the caller may still get the frame.
+    // The connection still exists in the runtime of this test, so the caller may still get the frame.
     if let Err(error) = within(call).await.unwrap() {
         assert!(matches!(error, ClientError::Status { .. }), "{error}");
     }
 }
 
-/// A connection to a daemon through this process, which can be cut off from it without being closed.
+/// Opens a relay to a daemon. It can stop forwarding data without closing its connection to the client.
 async fn frozen_line(daemon: &Daemon) -> (String, tokio::sync::watch::Sender<bool>) {
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
     let uri = format!("http://{}", listener.local_addr().unwrap());
@@ -271,7 +271,7 @@ async fn a_client_notices_a_daemon_that_hangs() {
     let (uri, freeze) = frozen_line(&daemon).await;
     let mut client = steradian::service::Client::connect(&uri).await.unwrap();
     let number = client.next_frame("flat", Encoding::Rgba8, 0, 0).await.unwrap().number;
-    // The connection stays open, so that only the missing answers reveal it.
+    // The connection stays open, so the client can detect the failure only by missing answers.
     freeze.send_replace(true);
     let error = within(client.next_frame("flat", Encoding::Rgba8, number, 0)).await.unwrap_err();
     assert!(matches!(error.code(), Some(Code::Unavailable | Code::Unknown | Code::Internal)), "{error}");

@@ -1,4 +1,4 @@
-//! Bodies, asteroid fields, time and asteroid settings: added, changed, removed, watched.
+//! Bodies, asteroid fields, time and asteroid settings are added, changed, removed and watched.
 
 use std::sync::Arc;
 
@@ -39,14 +39,14 @@ pub fn swarm(name: &str) -> FieldSpec {
 /// Shapes beyond the memory limit are refused before they are baked, and the scene stays unchanged.
 #[tokio::test]
 async fn impostors_beyond_the_memory_limit_are_refused() {
-    // Large tiles: 179 MB per shape.
+    // With large tiles, a shape needs 179 MB.
     let large = |options: &mut ServeOptions| options.views.settings.asteroids.tile_px = 128;
     let daemon = Daemon::start_with(small_rig(), large).await;
     let mut client = daemon.client().await;
     let error = client.put_asteroid_field(swarm("swarm"), None).await;
     refused(error, Code::ResourceExhausted, &["MiB", "at most 512 MiB", "asteroids.tile_px"]);
     assert_eq!(client.scene().await.unwrap().asteroid_fields, []);
-    // Without impostors there are no atlases.
+    // Without impostors there are no atlases, so the change is accepted.
     let none = SceneUpdate { impostor: Some(ImpostorMethod::None), ..SceneUpdate::default() };
     client.update_scene(&none, None).await.unwrap();
     client.put_asteroid_field(swarm("swarm"), None).await.unwrap();
@@ -56,7 +56,7 @@ async fn impostors_beyond_the_memory_limit_are_refused() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Returns the objects of the next frame.
+/// Draws a frame; returns its objects.
 async fn drawn_objects(daemon: &Daemon, client: &mut Client) -> Arc<SceneObjects> {
     client.render_frame("flat", Encoding::Rgba8).await.unwrap();
     daemon.controls.shown.lock().unwrap().clone().expect("a frame").0
@@ -133,7 +133,7 @@ async fn invalid_changes_have_no_effect() {
     lent.shapes = ShapeSource::OfField("rocks".to_owned());
     refused(client.put_asteroid_field(lent, None).await, Code::InvalidArgument, &["shapes_of", "rocks", "none"]);
     refused(client.remove_asteroid_field("swarm", None).await, Code::InvalidArgument, &["does not exist"]);
-    // If one part is invalid, the rest of the change is not made either.
+    // If one part of a change is invalid, no part of it is made.
     let mixed = SceneUpdate {
         magnitude_limit: Some(3.0),
         time_s: Some(5.0),

@@ -1,4 +1,4 @@
-//! Overlays: changed as a whole and in parts, shown in the next frame; invalid ones are refused.
+//! Overlays are changed as a whole and in parts, and shown in the next frame; invalid ones are refused.
 
 use glam::DVec3;
 use steradian::{
@@ -54,7 +54,7 @@ async fn frames_show_an_overlay_that_is_changed_in_parts() {
     assert_eq!(*shown.overlay, expected);
     assert!(shown.is_empty(), "an overlay is not an object");
 
-    // Remove one trajectory, add one label, and keep the rest.
+    // Remove one trajectory, add one label, and keep everything else.
     let parts = OverlayChange {
         trajectories: Change::remove("a"),
         labels: Change::put("there", label("there", "x")),
@@ -128,7 +128,7 @@ async fn invalid_changes_are_refused_and_keep_the_overlay() {
     daemon.shutdown().await.unwrap();
 }
 
-/// A PNG of one colour.
+/// Returns a PNG with a single colour.
 fn png(size: [u32; 2], rgba: [u8; 4]) -> Vec<u8> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, size[0], size[1]);
@@ -139,7 +139,7 @@ fn png(size: [u32; 2], rgba: [u8; 4]) -> Vec<u8> {
     file
 }
 
-/// The head of a PNG, without texels.
+/// Returns the header of a PNG, without texels.
 fn head_of_png(size: [u32; 2]) -> Vec<u8> {
     let mut file = Vec::new();
     drop(png::Encoder::new(&mut file, size[0], size[1]).write_header().unwrap());
@@ -175,7 +175,7 @@ async fn pictures_are_sent_moved_kept_and_removed() {
     let shown = shown_pictures(&daemon);
     assert_eq!(shown.iter().map(|picture| picture.name.as_str()).collect::<Vec<_>>(), ["title", "other"]);
     assert_eq!((shown[0].levels.size(), shown[0].levels.levels()[0].rgba[5]), ([3, 2], [255, 0, 0, 128]));
-    // Without a file it moves.
+    // A change without a file moves the picture.
     let moved = changed(picture("title", None, DVec3::Y), |picture| picture.opacity = 0.25);
     change(&mut client, put(moved)).await.unwrap();
     let removed = OverlayChange { pictures: Change::remove("other"), ..OverlayChange::default() };
@@ -205,7 +205,7 @@ async fn pictures_are_sent_moved_kept_and_removed() {
             "no observer",
         ),
         (put(picture("../title", Some(red.clone()), DVec3::X)), "overlay.pictures"),
-        (many(1 << 20), "bytes of PNG files: must be at most 2097152 together"),
+        (many(1 << 20), "bytes in all PNG files: there must be at most 2097152"),
         (
             OverlayChange { pictures: Change::All(bombs.to_vec()), ..OverlayChange::default() },
             "there must be at most 16777216",

@@ -1,4 +1,4 @@
-//! The page at `/`, on the port of the calls.
+//! Tests the page at `/`, on the same port as the calls.
 
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
@@ -7,7 +7,7 @@ use tokio::{
 
 use crate::daemon::{Daemon, small_rig, within};
 
-/// Sends a request over HTTP/1.1 with further header lines; returns head and body of the answer.
+/// Sends a request over HTTP/1.1 with additional header lines; returns head and body of the answer.
 async fn request(daemon: &Daemon, method: &str, path: &str, more: &str) -> (String, String) {
     let mut socket = TcpStream::connect(daemon.address).await.unwrap();
     let head = format!("{method} {path} HTTP/1.1\r\nhost: {}\r\n{more}connection: close\r\n\r\n", daemon.address);
@@ -43,7 +43,7 @@ async fn the_page_and_its_files_are_served_with_their_types_and_a_policy() {
         let policy = header(&head, "content-security-policy");
         assert!(policy.contains("default-src 'none'") && policy.contains("frame-ancestors 'none'"), "{policy}");
         assert!(!policy.contains("unsafe") && !policy.contains("http"), "{policy}");
-        // The bundle loads nothing from other origins, and needs nothing that the policy forbids.
+        // The bundle loads nothing from other origins, and uses nothing that the policy forbids.
         assert!(!body.contains("src=\"http") && !body.contains("url(http"), "{path}");
         // A cached copy is confirmed.
         let etag = header(&head, "etag");
@@ -63,7 +63,7 @@ async fn other_paths_are_not_found() {
         assert!(head.starts_with("http/1.1 404"), "{path}: {head}");
         assert_eq!(header(&head, "content-type"), "text/plain; charset=utf-8");
     }
-    // A call is not a file, and the page accepts no data.
+    // The path of a call is not a file of the page, and the page does not accept data.
     let (head, _) = request(&daemon, "GET", "/steradian.v1.ViewService/ListViews", "").await;
     assert!(head.starts_with("http/1.1 404"), "{head}");
     let (head, _) = request(&daemon, "POST", "/", "content-length: 0\r\n").await;

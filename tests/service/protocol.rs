@@ -1,4 +1,4 @@
-//! Services besides the calls: health, reflection, gRPC-Web.
+//! Tests services in addition to the calls: health, reflection, gRPC-Web.
 
 use steradian::service::Client;
 use tokio::{
@@ -74,7 +74,7 @@ async fn post(daemon: &Daemon, path: &str) -> String {
         daemon.address
     );
     socket.write_all(head.as_bytes()).await.unwrap();
-    // No compression, and a message of zero bytes.
+    // The prefix: no compression, and a message of zero bytes.
     socket.write_all(&[0; 5]).await.unwrap();
     let mut answer = Vec::new();
     within(socket.read_to_end(&mut answer)).await.unwrap();

@@ -22,14 +22,14 @@ async fn the_next_frame_arrives_when_the_image_has_changed() {
     let waits = tokio::spawn(async move { other.next_frame("flat", Encoding::Rgba8, first.number, 0).await });
     let moved = client.set_camera(&at_x(3.0)).await.unwrap();
     let second = within(waits).await.unwrap().unwrap();
-    // Either the new image, or the heartbeat of the old one if the pose arrived late.
+    // The answer has the new image. If the pose arrived late, it has the old image, as a heartbeat.
     assert!(second.number > first.number);
     let third = within(client.next_frame("flat", Encoding::Rgba8, second.number, 0)).await.unwrap();
     assert_eq!((third.camera.revision, third.camera.position_m.x), (moved.revision, 3.0));
     // Without a change, the same image arrives again after a while.
     let fourth = within(client.next_frame("flat", Encoding::Rgba8, third.number, 0)).await.unwrap();
     assert!(fourth.number > third.number && fourth.camera.revision == third.camera.revision);
-    // An unknown number, as from an earlier daemon, counts as none.
+    // An unknown number, such as one from an earlier daemon, is treated as no number.
     within(client.next_frame("flat", Encoding::Rgba8, 1_000_000, 0)).await.unwrap();
     daemon.shutdown().await.unwrap();
 }
@@ -63,7 +63,8 @@ async fn several_views_come_in_one_answer() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Whatever the buffers of the connection, two frames are in transit, and the frames read after a pause are new.
+/// At most two frames are in transit, regardless of the buffers of the connection, so a client that pauses then reads
+/// new frames.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_reader_that_pauses_gets_no_outdated_image() {
     let daemon = Daemon::start(small_rig()).await;
@@ -80,7 +81,7 @@ async fn a_reader_that_pauses_gets_no_outdated_image() {
         revisions.push(within(stream.next()).await.unwrap().expect("a frame").camera_revision);
     }
     println!("{revisions:?}");
-    // Two frames in transit, one that waited to be sent, and the newest.
+    // There are two frames in transit, one that waited to be sent, and the newest one.
     assert!(revisions.len() <= 4, "{revisions:?}");
     daemon.shutdown().await.unwrap();
 }
@@ -104,7 +105,7 @@ async fn one_encoding_serves_all_equal_requests() {
     let mut figures = client.watch_stats(None).await.unwrap();
     let statistics = within(figures.next()).await.unwrap().expect("figures");
     println!("{} frames, {} encodings", numbers.len(), statistics.encoded);
-    // One or two frames served them, depending on the arrival of the calls.
+    // One or two frames answer all calls, depending on when the calls arrive.
     assert!(statistics.encoded <= numbers.len() as u64 && numbers.len() <= 2, "{numbers:?} {}", statistics.encoded);
     assert!(statistics.connections >= 1);
     daemon.shutdown().await.unwrap();

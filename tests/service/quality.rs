@@ -1,4 +1,4 @@
-//! Quality levels, with frame times that the test engine reports, and audits of frames.
+//! Tests quality levels, with frame times that the test engine reports, and audits of frames.
 
 use std::time::Duration;
 
@@ -57,7 +57,7 @@ async fn slow_frames_reduce_quality_report_it_and_restore_it() {
     let mut figures = client.watch_stats(Some(0.1)).await.unwrap();
     let quality = stats(&mut figures, |stats| stats.quality.is_some()).await.quality.unwrap();
     assert_eq!((quality.frame_ms, quality.level, quality.smoothed_ms), (20.0, 2, Some(15.0)));
-    // HDR images keep full quality, and their times do not count.
+    // HDR images have full quality, and their frame times are ignored.
     let exact = client.render_frame("flat", Encoding::Rgb32f).await.unwrap();
     assert_eq!((exact.quality_level, exact.given_up.len()), (0, 0));
     let drawn = daemon.controls.framed.lock().unwrap().last().map(|(_, settings)| settings.accuracy.display_codes);

@@ -1,4 +1,5 @@
-//! Refusals that clients can read: short enough for the headers of an answer, with the documented codes and methods.
+//! Refusals can be read by clients: they are short enough for the headers of an answer, and have the documented codes
+//! and methods.
 
 use glam::{DQuat, DVec3};
 use steradian::{
@@ -23,7 +24,8 @@ const MOST_ENCODED: usize = 3 << 10;
 /// Headers that the client of these tests accepts, as many proxies do.
 const HEADER_BYTES: u32 = 4096;
 
-/// Returns the bytes of a status in the headers of an answer: percent-encoded text, and details in base64.
+/// Returns the size of a status in the headers of an answer, bytes: the percent-encoded text, and the details in
+/// base64.
 fn encoded_bytes(status: &Status) -> usize {
     let plain = |byte: &u8| byte.is_ascii_graphic() && !b"\"#%<>`?{}".contains(byte);
     let text: usize = status.message().as_bytes().iter().map(|byte| if plain(byte) { 1 } else { 3 }).sum();
@@ -34,7 +36,7 @@ fn mask(paths: &[&str]) -> Option<prost_types::FieldMask> {
     Some(prost_types::FieldMask { paths: paths.iter().map(|path| (*path).to_owned()).collect() })
 }
 
-/// Sends calls with a long text wherever one is possible; returns the refusals.
+/// Makes calls that have a long text wherever possible; returns the refusals.
 async fn refusals(channel: &Channel, long: &str) -> Vec<(&'static str, Status)> {
     let (mut views, mut scenes) = (ViewServiceClient::new(channel.clone()), SceneServiceClient::new(channel.clone()));
     let mut diagnostics = DiagnosticsServiceClient::new(channel.clone());
@@ -131,7 +133,7 @@ async fn long_texts_are_refused_briefly_and_other_calls_of_the_connection_contin
             assert!(expected.contains(&status.code()), "{call}: {status:?}");
         }
     }
-    // The names that a refusal lists are bounded as well.
+    // The names that a refusal lists are limited too.
     let mut scenes = SceneServiceClient::new(channel.clone());
     for number in 0..90 {
         scenes.save_snapshot(proto::SaveSnapshotRequest { name: format!("s{number:034}") }).await.unwrap();
@@ -141,14 +143,14 @@ async fn long_texts_are_refused_briefly_and_other_calls_of_the_connection_contin
     assert!(encoded_bytes(&status) <= MOST_ENCODED && status.code() == Code::NotFound, "{status:?}");
     assert!(status.message().starts_with("no snapshot `evening`; existing ones: s0000"), "{status:?}");
     assert!(status.message().ends_with(" and 81 more"), "{status:?}");
-    // The watch has not ended.
+    // The watch must not have ended.
     let moved = cameras.set_camera(proto::SetCameraRequest::default()).await.unwrap().into_inner();
     while within(watch.message()).await.unwrap().expect("the watch continues").revision < moved.revision {}
     drop((watch, cameras, scenes, channel));
     daemon.shutdown().await.unwrap();
 }
 
-/// Posts a message as gRPC-Web, with a prefix that states its length; returns the answer in lower case.
+/// Posts a message as gRPC-Web, with a prefix that contains its length; returns the answer in lower case.
 async fn post(daemon: &Daemon, path: &str, length: u32, message: &[u8]) -> String {
     let mut body = [&[0][..], &length.to_be_bytes(), message].concat();
     let head = format!(

@@ -21,12 +21,12 @@ pub fn fisheye(name: &str, size: [u32; 2], fov_deg: f64) -> ViewSpec {
     ViewSpec { geometry: ViewGeometry { kind, ..ViewGeometry::default() }, ..ViewSpec::custom(name) }
 }
 
-/// Returns a round view of this many pixels across.
+/// Returns a round view with this diameter, pixels.
 pub fn round(name: &str, size: u32) -> ViewSpec {
     fisheye(name, [size; 2], 180.0)
 }
 
-/// Returns the change to the geometry of a specification.
+/// Returns a change to the geometry in a specification.
 pub fn geometry(spec: ViewSpec) -> ViewUpdate {
     ViewUpdate { geometry: Some(spec.geometry), ..ViewUpdate::default() }
 }
@@ -85,7 +85,7 @@ async fn a_view_is_created_streamed_changed_and_deleted_while_others_continue() 
     let frame = next(&mut stream).await;
     assert_eq!((frame.view.as_str(), frame.exposure_ev100, frame.scene_revision), ("scope", frame.exposure_ev100, 8));
     assert_eq!(frame.images[0].data.len(), 8 * 5 * 4);
-    // A separate frame, because its settings differ.
+    // The view has a separate frame, because its settings differ.
     assert!(daemon.controls.framed.lock().unwrap().iter().any(|(names, _)| names == &["scope"]));
 
     // The stream continues with the new size.
@@ -96,7 +96,7 @@ async fn a_view_is_created_streamed_changed_and_deleted_while_others_continue() 
     assert_eq!((changed.revision, changed.images[0].width, &changed.own_keys), (9, 12, &made.own_keys));
     let frame = showing(&mut stream, 9).await;
     assert_eq!((frame.images[0].width, frame.images[0].height, frame.images[0].data.len()), (12, 6, 12 * 6 * 4));
-    // The definition replaces the type and all keys.
+    // A definition replaces the type and all keys.
     let whole = spec("name = 'scope'\ntype = 'cubemap'\nface_size = 4\nfaces = ['front', 'up']");
     let cube = client.replace_view(&whole, None).await.unwrap();
     assert_eq!((cube.kind.as_str(), cube.own_keys.len(), cube.exposure_group.as_str()), ("cubemap", 0, ""));
@@ -142,7 +142,7 @@ async fn deleting_a_view_ends_waiting_calls() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let seen = client.next_frame("eyes", Encoding::Rgba8, 0, 0).await.unwrap().number;
-    // One frame that is not drawn, so that no other begins.
+    // Begin a frame that is not finished, so that no other frame begins.
     daemon.controls.close_gate();
     let begun = daemon.controls.started.load(SeqCst);
     let mut first = daemon.client().await;
@@ -163,7 +163,7 @@ async fn deleting_a_view_ends_waiting_calls() {
     for end in [within(pulls).await.unwrap().map(drop), within(both).await.unwrap().map(drop)] {
         assert_refused(end, Code::NotFound, "view `eyes` was deleted");
     }
-    // The call waits for a separate frame, unless that had begun and is delivered.
+    // The call waits for another frame, and is refused unless this frame had begun, in which case it is delivered.
     daemon.controls.open_gate();
     let end = within(renders).await.unwrap();
     if end.is_err() {
@@ -287,7 +287,7 @@ async fn a_stream_ends_if_its_view_outgrows_the_clients_limit() {
     next(&mut large).await;
     let grown = client.update_view("dome", &geometry(round("dome", LARGE)), None).await.unwrap();
     assert_eq!(showing(&mut first, grown.revision).await.images[0].width, LARGE);
-    // 12 bytes per pixel, twice: more than 512 MiB with the other stream.
+    // Two images with 12 bytes per pixel exceed 512 MiB together with the other stream.
     let grown = client.update_view("wide", &geometry(round("wide", 4800)), None).await.unwrap();
     let end = loop {
         match within(large.next()).await {

@@ -1,4 +1,4 @@
-//! The scene: read, changed, watched.
+//! The scene is read, changed and watched.
 
 use std::sync::Arc;
 
@@ -77,7 +77,7 @@ async fn watchers_receive_every_change_and_the_end() {
     let (mut client, mut other) = (daemon.client().await, daemon.client().await);
     let mut watch = client.watch_scene().await.unwrap();
     assert_eq!(within(watch.next()).await.unwrap().expect("the scene as it is").revision, 7);
-    // A static image is drawn again when the scene changes.
+    // An image at rest is drawn again when the scene changes.
     let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     assert_eq!(within(frames.next()).await.unwrap().expect("a frame").scene_revision, 7);
     for (revision, method) in [(8, StarMethod::BSpline), (9, StarMethod::Tent), (10, StarMethod::Auto)] {
@@ -97,7 +97,7 @@ async fn the_number_of_scene_streams_is_limited() {
     let first = client.watch_scene().await.unwrap();
     assert_eq!(client.watch_scene().await.unwrap_err().code(), Some(Code::ResourceExhausted));
     drop(first);
-    // The daemon learns of the dropped stream a little later.
+    // The daemon detects the dropped stream a little later.
     within(async { while client.watch_scene().await.is_err() {} }).await;
     daemon.shutdown().await.unwrap();
 }

@@ -1,5 +1,5 @@
-//! A scene with an observer in a running daemon: its time runs, the camera is in the horizon frame, and bodies are
-//! found by name.
+//! Tests a scene with an observer in a running daemon: its time runs, the camera is in the horizon frame, and bodies
+//! are found by name.
 
 use std::{
     path::Path,
@@ -43,7 +43,7 @@ fn time(time_s: Option<f64>, time_rate: Option<f64>) -> SceneUpdate {
     SceneUpdate { time_s, time_rate, ..SceneUpdate::default() }
 }
 
-/// Returns the reported place of a body.
+/// Returns the position of a body as the daemon reports it.
 async fn place_m(client: &mut Client, name: &str) -> DVec3 {
     let scene = client.scene().await.unwrap();
     scene.bodies.iter().find(|form| form.body.name == name).unwrap().body.position_m
@@ -58,7 +58,7 @@ async fn bodies_and_camera_follow_the_clock() {
     assert_eq!((client.scene().await.unwrap().time_s, client.scene().await.unwrap().time_rate), (begin_s, 0.0));
     let before = client.camera().await.unwrap();
     assert_eq!((before.frame, before.revision), (Frame::Horizon, 0));
-    // Set an hour later.
+    // The time is set an hour later.
     client.update_scene(&time(Some(begin_s + 3600.0), None), None).await.unwrap();
     let later = objects.at(begin_s + 3600.0);
     let expected_m = later.bodies.iter().find(|body| body.name == "moon").unwrap().position_m;
@@ -67,7 +67,7 @@ async fn bodies_and_camera_follow_the_clock() {
     let expected = config.camera_at(begin_s + 3600.0).unwrap();
     assert!(turned.world_from_camera.angle_between(expected.world_from_camera) < 1e-7);
     assert_eq!((turned.revision, turned.position_m), (0, camera.position_m), "the camera was not moved");
-    // The clock runs forwards and backwards, an hour per second, and frames follow.
+    // The clock runs forwards and backwards by an hour per second, and frames follow it.
     for rate in [3600.0, -3600.0] {
         let scene = client.update_scene(&time(None, Some(rate)), None).await.unwrap();
         let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
@@ -99,7 +99,7 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
     let camera = client.look_at("saturn", Some(Frame::Horizon)).await.unwrap();
     assert!((camera.world_from_camera * DVec3::NEG_Z).angle_between(saturn.direction) < 1e-7);
     assert_eq!((camera.frame, camera.revision), (Frame::Horizon, 1));
-    // A planet is smaller than a pixel, so a direction close to it finds it.
+    // A planet is smaller than a pixel, so a direction close to it is sufficient to find it.
     let beside = (saturn.direction + saturn.direction.any_orthonormal_vector() * 2e-3).normalize();
     let identified = client.identify(beside, 0.0, 0).await.unwrap();
     assert_eq!(identified[0].name, "saturn", "{identified:?}");
@@ -119,7 +119,7 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
     assert_eq!(client.constellation(orion.direction).await.unwrap(), "Orion");
     let error = client.find("Pluto").await.unwrap_err();
     assert!(error.code() == Some(Code::NotFound) && error.to_string().contains("Pluto"), "{error}");
-    // In another frame, it keeps its direction while time runs.
+    // In another frame, the camera keeps its direction while time runs.
     let fixed = client.set_camera(&CameraUpdate { frame: Some(Frame::Icrs), ..CameraUpdate::default() }).await.unwrap();
     let now_s = client.scene().await.unwrap().time_s;
     client.update_scene(&time(Some(now_s + 7200.0), None), None).await.unwrap();
@@ -157,7 +157,7 @@ async fn a_running_clock_continues_after_a_restart_and_snapshots_keep_their_time
     let mut client = daemon.client().await;
     let scene = client.scene().await.unwrap();
     assert!(scene.time_rate == 1000.0 && scene.time_s > begin_s + 200.0, "{} s", scene.time_s - begin_s);
-    // The clock has not run between the snapshot and its return, at least 200 ms.
+    // The snapshot's clock must not have run between saving and loading it, which are at least 200 ms apart.
     let asked = Instant::now();
     client.load_snapshot("evening", None).await.unwrap();
     let restored = client.scene().await.unwrap();
@@ -195,7 +195,7 @@ async fn moving_the_observer_keeps_the_cameras_azimuth() {
     let (_, camera, objects) = observed();
     let at_home = stands_deg(&mut client, "sun").await;
     assert!(at_home[1] < -40.0, "night over Munich: {at_home:?}");
-    // Back to the initial direction: south, along the horizon.
+    // Turn the camera back to its initial direction: south, along the horizon.
     let south = CameraUpdate {
         orientation: Some(camera.world_from_camera.to_array()),
         frame: Some(Frame::Horizon),
@@ -207,7 +207,7 @@ async fn moving_the_observer_keeps_the_cameras_azimuth() {
     let to = |observer: ObserverChange| SceneUpdate { observer, ..SceneUpdate::default() };
     let scene = client.update_scene(&to(there), None).await.unwrap();
     assert_eq!((scene.observer.latitude_deg, scene.observer.height_m), (Some(-33.87), Some(0.0)));
-    // The same as a configuration of that place.
+    // The result must equal a configuration for that place.
     let text = CONFIG.replace("= 48", "= -33.87").replace("= 11", "= 151.21");
     let config = Config::from_text(&text, "sydney.toml", Path::new("."), &[]).unwrap();
     let (expected, of_place) = (config.camera().unwrap(), config.objects().unwrap());
@@ -219,7 +219,7 @@ async fn moving_the_observer_keeps_the_cameras_azimuth() {
         let found = place_m(&mut client, name).await - camera.position_m;
         assert!(found.angle_between(expected) < 1e-8 && (found - expected).length() < 1.0, "{name}");
     }
-    // The Moon has moved against the stars by its parallax.
+    // The Moon has moved relative to the stars by its parallax.
     let parallax_deg = client.find("moon").await.unwrap().direction.angle_between(moon_before).to_degrees();
     assert!((0.3..2.0).contains(&parallax_deg), "{parallax_deg}");
     assert!(stands_deg(&mut client, "sun").await[1] > 0.0, "morning over Sydney");
@@ -300,7 +300,7 @@ async fn times_outside_the_kernels_are_refused_but_a_running_clock_may_leave_the
         assert!(error.code() == Some(Code::InvalidArgument) && message.contains("bodies.probe"), "{message}");
         assert!(message.contains("2026-11-23T23:01:09.184Z to 2026-11-24T01:01:09.184Z"), "{message}");
     }
-    // The clock leaves the kernel's range: an hour per millisecond.
+    // The clock runs by an hour per millisecond, so it leaves the range of the kernel.
     client.update_scene(&time(None, Some(3.6e6)), None).await.unwrap();
     sleep(Duration::from_millis(50)).await;
     let stopped = client.update_scene(&time(None, Some(0.0)), None).await.unwrap();
@@ -315,7 +315,7 @@ async fn times_outside_the_kernels_are_refused_but_a_running_clock_may_leave_the
     daemon.shutdown().await.unwrap();
 }
 
-/// A client that steers by turns does not undo the rotation of the camera with the sky.
+/// A client that steers by relative turns does not undo the rotation of the camera with the sky.
 #[tokio::test]
 async fn a_turn_starts_from_the_camera_of_now() {
     let daemon = Daemon::start_with(small_rig(), with_sky).await;
@@ -332,7 +332,7 @@ async fn a_turn_starts_from_the_camera_of_now() {
     let after = client.move_camera(&update, before.revision).await.unwrap();
     assert!(after.world_from_camera.angle_between(before.world_from_camera * turn) < 1e-9);
     assert_eq!((after.frame, after.position_m), (Frame::Horizon, before.position_m));
-    // An absolute orientation is something else.
+    // A turn must not be combined with an absolute orientation, and must be normalised.
     for update in [
         CameraUpdate { orientation: Some([0.0, 0.0, 0.0, 1.0]), ..update },
         CameraUpdate { turn: Some([0.0, 0.0, 0.0, 1.1]), ..update },

@@ -65,7 +65,7 @@ async fn clients_learn_what_a_starting_daemon_waits_for() {
     let healthz = get(address, "/healthz").await;
     assert!(healthz.starts_with("HTTP/1.1 503") && healthz.ends_with("\r\n\r\nstarting\n"), "{healthz}");
 
-    // The daemon serves on the same port; no connection is refused between both.
+    // The daemon serves on the same port. No connection is refused during the change of servers.
     let ended = Arc::new(AtomicBool::new(false));
     let connecting = tokio::spawn({
         let ended = Arc::clone(&ended);
@@ -82,7 +82,7 @@ async fn clients_learn_what_a_starting_daemon_waits_for() {
     let request = HealthCheckRequest { service: String::new() };
     let mut watch = health.watch(request).await.unwrap().into_inner();
     assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
-    // A connection without a request, as browsers open in advance, and one between two requests.
+    // One connection has had no request, like those that browsers open in advance. The other one is between two requests.
     let mut unused = TcpStream::connect(address).await.unwrap();
     let mut between = TcpStream::connect(address).await.unwrap();
     let request = format!("GET /healthz HTTP/1.1\r\nHost: {address}\r\n\r\n");

@@ -27,7 +27,7 @@ async fn start(path: &Path) -> Daemon {
     Daemon::start_with(small_rig(), |options| options.state = Some(path.to_owned())).await
 }
 
-/// Changes a value of everything that clients can change.
+/// Makes at least one change to everything that clients can change.
 async fn change_all(client: &mut Client) {
     let mars = BodyForm::from(Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11));
     let update = SceneUpdate {
@@ -82,7 +82,7 @@ async fn acknowledged_changes_survive_a_restart() {
         drop(client);
         daemon.shutdown().await.unwrap();
     }
-    // Later changes continue from there.
+    // Later changes continue from the restored revision.
     let daemon = start(&path).await;
     let mut client = daemon.client().await;
     let after = client.remove_body("mars", Some(scene.revision)).await.unwrap();
@@ -125,7 +125,7 @@ async fn snapshots_restore_everything() {
         assert!(error.code() == Some(code) && error.to_string().contains(part), "{error}");
     }
 
-    // While another client holds the lease, a snapshot with a camera changes nothing.
+    // While another client holds the lease, loading a snapshot with a camera changes nothing.
     let mut other = daemon.client().await;
     let mut steering = other.steer(Lease::Take, "desk").await.unwrap();
     assert!(steering.send(&CameraUpdate { position_m: Some([5.0; 3]), ..CameraUpdate::default() }).await);
@@ -175,7 +175,7 @@ async fn views_of_clients_and_of_a_changed_configuration_are_merged() {
     client.delete_view("eyes", None).await.unwrap();
     drop(client);
     daemon.shutdown().await.unwrap();
-    // Changes by clients take precedence over the configuration, and deleted views stay deleted.
+    // Changes that clients made take precedence over the configuration, and deleted views stay deleted.
     let daemon = with_eyes(true).await;
     let mut client = daemon.client().await;
     assert_eq!(names(client.views().await.unwrap()), ["flat", "dome"]);
@@ -202,7 +202,7 @@ async fn a_file_of_format_3_is_read() {
     let path = folder.path().join("state.redb");
     std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/state-format-3.redb"), &path).unwrap();
     for _ in 0..2 {
-        // At the second start, the file has the current format.
+        // At the second start, the file already has the current format.
         let daemon = start(&path).await;
         let mut client = daemon.client().await;
         let views = client.views().await.unwrap();

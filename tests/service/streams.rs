@@ -16,7 +16,7 @@ async fn next(stream: &mut FrameReceiver) -> ReceivedFrame {
     within(stream.next()).await.unwrap().expect("the stream goes on")
 }
 
-/// Reads until a frame shows the camera's revision; returns all frames read.
+/// Reads frames until one shows this revision of the camera; returns all frames read.
 async fn read_to(stream: &mut FrameReceiver, camera_revision: u64) -> Vec<ReceivedFrame> {
     let mut frames = vec![next(stream).await];
     while frames.last().unwrap().camera_revision < camera_revision {
@@ -52,7 +52,7 @@ async fn a_slow_reader_gets_the_newest_frame_and_the_number_of_missed_ones() {
     let daemon = Daemon::start(large_rig()).await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("large", Encoding::Rgba8, 0.0).await.unwrap();
-    // The stream is not read, and yet the renderer draws every pose.
+    // The renderer draws every pose although the stream is not read.
     for step in 1..=20_u32 {
         let drawn = daemon.controls.finished.load(SeqCst);
         client.set_camera(&at_x(f64::from(step))).await.unwrap();
@@ -64,7 +64,7 @@ async fn a_slow_reader_gets_the_newest_frame_and_the_number_of_missed_ones() {
     assert_eq!(last.camera_revision, 20);
     assert!(last.dropped > 0);
     assert!(frames.is_sorted_by(|a, b| a.number < b.number && a.dropped <= b.dropped));
-    // Every frame up to the last was either read or counted as dropped.
+    // Every frame up to the last one was either read or counted as dropped.
     assert_eq!(frames.len() as u64 + last.dropped, last.number + 1);
     daemon.shutdown().await.unwrap();
 }
@@ -93,9 +93,9 @@ async fn a_slow_subscriber_keeps_its_rate_and_does_not_slow_a_fast_one() {
         assert_eq!(read_to(&mut fast, camera.revision).await.pop().unwrap().camera_revision, camera.revision);
     }
     let (frames, dropped) = within(slow).await.unwrap();
-    // The clock starts before the first frame, so two frames per second limit the count on any machine.
+    // The clock starts before the first frame, so the count is at most two frames per second on any machine.
     assert!(frames <= 1 + (begin.elapsed().as_secs_f64() * 2.0) as u32, "{frames} frames");
-    assert_eq!(dropped, 0, "frames beyond its rate do not count as dropped");
+    assert_eq!(dropped, 0, "frames in excess of the rate must not count as dropped");
     daemon.shutdown().await.unwrap();
 }
 
@@ -137,7 +137,7 @@ async fn dropping_a_stream_stops_its_rendering() {
     let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     next(&mut stream).await;
     drop(stream);
-    // The daemon learns of it when the reset arrives: from then on, nothing is drawn.
+    // The daemon detects the dropped stream when the reset arrives. From then on, nothing is drawn.
     within(async {
         loop {
             let drawn = daemon.controls.started.load(SeqCst);
@@ -163,7 +163,7 @@ async fn streams_beyond_the_limit_are_refused_until_one_ends() {
     assert!(error.to_string().contains("2 streams"), "{error}");
     next(&mut first).await;
     drop(second);
-    // The daemon learns of the dropped stream a little later.
+    // The daemon detects the dropped stream a little later.
     let mut third = within(async {
         loop {
             match client.stream_frames("flat", Encoding::Rgba8, 0.0).await {

@@ -1,4 +1,4 @@
-//! Failure tests through the daemon.
+//! Runs the checks of `verify` through the daemon.
 
 use std::sync::atomic::Ordering::SeqCst;
 
@@ -49,7 +49,7 @@ async fn the_named_or_current_method_is_tested() {
     let tent = SceneUpdate { star_method: Some(StarMethod::Tent), ..SceneUpdate::default() };
     client.update_scene(&tent, None).await.unwrap();
     for (method, expected) in [("", StarMethod::Tent), ("packed_cas", StarMethod::PackedCas)] {
-        // The previous call releases its place a little later.
+        // The previous call ends a little later, and until then calls are refused.
         let mut results = within(async {
             loop {
                 match client.verify("slow-pan", method).await {
@@ -128,7 +128,7 @@ async fn the_end_of_the_caller_or_the_daemon_ends_the_run() {
         }
     })
     .await;
-    // All results may have been in transit already.
+    // All results may already have been in transit.
     if let Err(error) = end {
         assert_eq!(error.code(), Some(Code::Unavailable), "{error}");
     }
@@ -145,7 +145,7 @@ async fn the_second_device_is_closed_when_it_has_no_work() {
     for _ in 0..2 {
         let mut results = within(async {
             loop {
-                // The previous call releases its place a little later.
+                // The previous call ends a little later, and until then calls are refused.
                 match client.verify("slow-pan", "").await {
                     Ok(results) => break results,
                     Err(error) => assert_eq!(error.code(), Some(Code::ResourceExhausted), "{error}"),
@@ -154,7 +154,7 @@ async fn the_second_device_is_closed_when_it_has_no_work() {
         })
         .await;
         while within(results.next()).await.unwrap().is_some() {
-            assert_eq!(open(), 1, "it serves all checks of a run");
+            assert_eq!(open(), 1, "one device must serve all checks of a run");
         }
         until(|| open() == 0).await;
     }

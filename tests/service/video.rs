@@ -1,4 +1,4 @@
-//! H.264 frames: every reader can decode its frames, whenever it starts and however slow it is.
+//! H.264 frames: every reader can decode its frames, regardless of when it starts and how slow it is.
 
 use std::{sync::atomic::Ordering::SeqCst, time::Duration};
 
@@ -60,7 +60,7 @@ async fn quick_slow_and_late_readers_can_decode_streams_from_their_first_frame()
     for (reader, wait_ms) in [0, 0, 0, 40, 90].into_iter().enumerate() {
         let mut client = daemon.client().await;
         readers.spawn(async move {
-            // Half of them start later.
+            // Half of the readers start later.
             sleep(Duration::from_millis(60 * (reader as u64 % 2))).await;
             let mut frames = client.stream_frames("eyes", Encoding::H264, 0.0).await.unwrap();
             let mut viewer = Viewer::default();
@@ -105,7 +105,8 @@ async fn requested_frames_continue_the_named_picture_or_are_key_pictures() {
         viewer.show(&last);
     }
     assert_eq!((viewer.pictures, viewer.keys), (41, 1));
-    // A frame number alone does not identify the sequence, and a second reader does not disturb the first.
+    // A frame number alone does not identify the sequence, so the second reader gets a key picture. This does not
+    // disturb the first reader.
     let mut other = daemon.client().await;
     let alone = within(other.next_frame("flat", Encoding::H264, last.number, 0)).await.unwrap();
     assert!(alone.images[0].key_frame);
@@ -156,7 +157,7 @@ async fn a_picture_is_encoded_once_for_all_streams() {
     let after = (encoded_count().await, daemon.controls.started.load(SeqCst));
     let (encodings, frames) = (after.0 - before.0, after.1 - before.1);
     println!("{encodings} encodings for {frames} frames and 6 readers");
-    // Readers that started separately join through a few key pictures.
+    // Readers that started at different times join the same sequence by a few key pictures.
     assert!(encodings >= 30 && encodings < 2 * frames, "{encodings} {frames}");
     daemon.shutdown().await.unwrap();
 }

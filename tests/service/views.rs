@@ -1,4 +1,4 @@
-//! The views' own exposure, glare and tone mapping: read, changed, refused.
+//! Views have their own exposure, glare and tone mapping, which are read, changed and refused.
 
 use serde::de::DeserializeOwned;
 use steradian::{
@@ -11,7 +11,7 @@ use tonic::Code;
 
 use crate::daemon::{Daemon, adapting, small_rig, within};
 
-/// Partial settings with these keys.
+/// Returns partial settings with these keys.
 fn keys<K: DeserializeOwned>(text: &str) -> K {
     toml::from_str(text).unwrap()
 }
@@ -58,7 +58,7 @@ async fn a_change_affects_only_the_next_frame_of_its_view() {
     let expected = [("flat".to_owned(), ExposureMode::Auto, 0.1), ("eyes".to_owned(), ExposureMode::Manual, 0.25)];
     assert_eq!(drawn, expected);
 
-    // Restored: all views share one frame again.
+    // The settings are restored, so all views share one frame again.
     let reset = ViewUpdate {
         exposure: SettingsChange::Replace(ExposureKeys::default()),
         glare: SettingsChange::Replace(GlareKeys::default()),
@@ -121,8 +121,8 @@ async fn refused_changes_keep_the_last_valid_state() {
             Code::InvalidArgument,
             "files come only from the configuration",
         ),
-        // Only the plan of a frame detects this error, which no single key reveals: this sky draws no stars that could
-        // glare.
+        // Only the plan of a frame detects this error, which does not depend on a single key: this sky draws no stars
+        // that could cause glare.
         ("flat", glaring("method = 'sky_cube'"), None, Code::InvalidArgument, "cell_sky"),
     ] {
         match client.update_view(view, &update, expected).await {

@@ -1,4 +1,4 @@
-//! Messages for a missing display and for wrong configurations. These tests need no X server.
+//! Tests the messages for a missing display and for wrong configurations. Most of these tests need no X server.
 
 use steradian::service::Client;
 
@@ -111,7 +111,7 @@ fn wrong_windows() -> Result<(), String> {
         (
             "view = 'ahead'\nmonitor = 1\nfullscreen = true\n[[windows]]\nview = 'pair'\npart = 'left'\nmonitor = 1\nfullscreen = true",
             "windows[1].monitor",
-            "fills monitor number 1 too",
+            "also fills monitor number 1",
         ),
         ("view = 'ahead'\nformat = 'hdr'\n[overlay]\ngrids = [{ kind = 'galactic' }]", "windows[0].format", "srgb8"),
     ] {

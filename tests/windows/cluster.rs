@@ -1,4 +1,4 @@
-//! Windows of several nodes show the same frames: sky stamps over all windows of one X server.
+//! Tests that windows of several nodes show the same frames, by sky stamps in all windows of one X server.
 
 use std::time::Duration;
 
@@ -20,9 +20,9 @@ pub const TESTS: &[Test] = &[
     ("cluster::nodes_without_their_display_go_on", without_display),
 ];
 
-/// Frames per second: a stamp stays far longer than a software driver and a scheduler delay a window.
+/// Frames per second. A stamp is shown for far longer than a software driver and the scheduler can delay a window.
 const RATE_HZ: u32 = 5;
-/// Turn of the camera: more than ten pixels per frame.
+/// Turn rate of the camera, more than ten pixels per frame.
 const TURN_RAD_S: f64 = 0.25;
 /// Angle after which the camera jumps back, so that the star stays in the picture.
 const SWEEP_RAD: f64 = 0.9;
@@ -30,7 +30,7 @@ const WIDTH: u16 = 320;
 const NODES: [&str; 3] = ["n1", "n2", "n3"];
 const LINE: Line = Line { width: WIDTH, windows: 3, rows: [8, 8] };
 
-/// Configuration of a view for each window, next to each other.
+/// Returns a configuration with a view for each window. The windows are next to each other.
 fn configuration(views: &[&str], first_x: u16, rest: &str) -> String {
     let mut text = format!(
         "[scene]\ncatalogues = ['star.csv']\ntime = 2026-01-01T00:00:00Z\n[glare]\nmethod = 'none'\n\
@@ -106,7 +106,7 @@ impl Theatre {
 
     /// Turns the camera of a daemon from now on, as a function of the time of the machine.
     fn turn(&self, client: Client) {
-        // It ends with the daemon.
+        // The task ends with the daemon.
         drop(self.runtime.spawn(turn(client, TURN_RAD_S, SWEEP_RAD)));
     }
 
@@ -115,7 +115,7 @@ impl Theatre {
     }
 }
 
-/// Makes samples in which windows show the given columns; each lasts ten milliseconds.
+/// Makes samples, ten milliseconds apart, in which the star is in the given columns of the windows.
 fn made(columns: &[[Option<f64>; 3]]) -> Vec<Sample> {
     let sample = |(index, columns): (usize, &[Option<f64>; 3])| Sample {
         at: Duration::from_millis(10 * index as u64),
@@ -131,7 +131,8 @@ fn mistakes_are_found() -> Result<(), String> {
     let verdict = Verdict::of(&good, &[0, 1, 2]);
     assert_eq!((verdict.frames, verdict.transitions, verdict.mixed), (3, 1, 0), "{verdict:?}");
     assert_eq!((verdict.longer_than(5.0), verdict.longer_than(15.0)), (1, 0), "{verdict:?}");
-    // A window shows a frame that the others never show; a window falls behind by a frame; a window stays behind.
+    // Mistakes: a window shows a frame that the others never show; a window is late by a frame; a window stops; a
+    // window is black.
     let alone = [all(1.0), [Some(1.0), Some(3.0), Some(1.0)], all(5.0)];
     let behind = [all(1.0), [Some(5.0), Some(1.0), Some(1.0)], [Some(9.0), Some(9.0), Some(5.0)], all(9.0)];
     let stays = [all(1.0), [Some(5.0), Some(5.0), Some(1.0)], [Some(9.0), Some(9.0), Some(1.0)]];
@@ -139,7 +140,7 @@ fn mistakes_are_found() -> Result<(), String> {
     for wrong in [&alone[..], &behind, &stays, &black] {
         assert_eq!(Verdict::of(&made(wrong), &[0, 1, 2]).mixed, 1, "{wrong:?}");
     }
-    // Windows that are not judged do not matter.
+    // Windows that are not compared have no effect.
     assert_eq!(Verdict::of(&made(&stays), &[0, 1]).mixed, 0);
     Ok(())
 }
@@ -157,7 +158,8 @@ fn three_nodes() -> Result<(), String> {
     let verdict = Verdict::of(&seen, &[0, 1, 2]);
     assert!(verdict.frames >= 8, "{verdict:?}");
     assert_eq!(verdict.mixed, 0, "{verdict:?}");
-    // A node hangs and is resumed: the others show the same frames, and it shows no old ones.
+    // A node is stopped and resumed. Meanwhile the other nodes show the same frames; afterwards this node shows no old
+    // frames.
     theatre.nodes[2].signal("STOP");
     let seen = samples(&desktop, LINE, Duration::from_secs(4));
     let verdict = Verdict::of(&seen, &[0, 1]);
@@ -176,7 +178,7 @@ fn three_nodes() -> Result<(), String> {
 fn without_commit() -> Result<(), String> {
     let desktop = Desktop::virtual_frame_buffer()?;
     let theatre = Theatre::open(&desktop, 60.0);
-    // Next to the nodes, a daemon outside of the cluster shows the same view as soon as it has drawn it.
+    // In addition to the nodes, a daemon outside of the cluster shows the same view, each frame as soon as it is drawn.
     let alone = Scene::new(&configuration(&["alone"], WIDTH * NODES.len() as u16, ""));
     alone.write("star.csv", STAR);
     let daemon = alone.serve(Some(&desktop.display));
@@ -221,7 +223,7 @@ fn without_display() -> Result<(), String> {
     let desktop = Desktop::virtual_frame_buffer()?;
     let theatre = Theatre::open(&desktop, 60.0);
     drop(desktop);
-    // Frames that waited for the windows do not block the nodes: clients still get them.
+    // Frames that are waiting for the windows do not block the nodes, so clients still get frames.
     for node in &theatre.nodes {
         node.wait_for_log("panicked");
     }

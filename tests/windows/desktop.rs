@@ -1,4 +1,4 @@
-//! An X server for a test: its pixels, its keyboard, its monitors.
+//! Runs an X server for a test, and gives access to its pixels, keyboard and monitors.
 
 use std::{
     io::{BufRead, BufReader},
@@ -18,7 +18,7 @@ use x11rb::{
     wrapper::ConnectionExt as _,
 };
 
-/// Timeout far above the time that a server or a program needs.
+/// Time limit far above the time that a server or a program needs.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Repeats a query until it has a result, or fails with the message of `message`.
@@ -33,8 +33,8 @@ pub fn until<T>(mut look: impl FnMut() -> Option<T>, message: impl Fn() -> Strin
     }
 }
 
-/// Monitors of Xorg's dummy driver in its configuration file: the first has 1024 x 768 pixels, the others are not
-/// connected.
+/// Part of Xorg's configuration file with the monitors of its dummy driver. The first monitor has 1024 x 768 pixels;
+/// the others are not connected.
 const DUMMY: &str = r#"
 Section "ServerFlags"
     Option "AutoAddDevices" "false"
@@ -146,7 +146,7 @@ impl Desktop {
         let log = std::fs::File::create(folder.path().join("messages")).unwrap();
         let spawned = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(log).spawn();
         let mut server = spawned
-            .map_err(|error| format!("{name} cannot be started: {error} (Debian and Ubuntu: apt install {package})"))?;
+            .map_err(|error| format!("cannot start {name}: {error} (Debian and Ubuntu: apt install {package})"))?;
         let mut number = String::new();
         BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
         let said = || std::fs::read_to_string(folder.path().join("messages")).unwrap_or_default();
@@ -161,7 +161,7 @@ impl Desktop {
     pub fn pixels(&self, [x, y]: [i16; 2], [width, height]: [u16; 2]) -> Pixels {
         let image = self.connection.get_image(ImageFormat::Z_PIXMAP, self.root, x, y, width, height, u32::MAX).unwrap();
         let image = image.reply().unwrap();
-        // 24 bits in words of 32, blue first.
+        // Each pixel is a 32-bit word with 24 bits of colour, blue first.
         let codes = image.data.chunks_exact(4).map(|pixel| [pixel[2], pixel[1], pixel[0]]).collect();
         Pixels { size: [width, height].map(usize::from), codes }
     }
@@ -218,7 +218,7 @@ impl Desktop {
     pub fn connect_second(&self) {
         let (output, resources) = (self.output("DUMMY1"), self.resources());
         let mode = resources.modes.iter().find(|mode| (mode.width, mode.height) == (1024, 768)).unwrap().id;
-        // The output is connected when it has a mode.
+        // An output counts as connected when it has a mode.
         self.connection.randr_add_output_mode(output, mode).unwrap().check().unwrap();
         self.connection.randr_set_screen_size(self.root, 2048, 768, 542, 203).unwrap().check().unwrap();
         self.set_crtc(self.resources().crtcs[1], 1024, mode, &[output]);
@@ -255,7 +255,7 @@ impl Desktop {
         changed.unwrap().check().unwrap();
     }
 
-    /// Moves the pointer out of the way.
+    /// Moves the pointer to a position where it covers no window.
     pub fn park_pointer(&self, [x, y]: [i16; 2]) {
         self.connection.warp_pointer(x11rb::NONE, self.root, 0, 0, 0, 0, x, y).unwrap().check().unwrap();
     }

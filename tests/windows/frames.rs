@@ -1,4 +1,4 @@
-//! All windows show the same frame at the same time.
+//! Tests that all windows show the same frame at the same time.
 
 use std::{
     collections::HashMap,
@@ -19,7 +19,7 @@ pub const TESTS: &[Test] = &[
     ("frames::daemon_windows_follow_the_camera_together_and_report_statistics", of_a_daemon),
 ];
 
-/// A flat view, a dome, and one of two projectors that share the light.
+/// Configuration with windows for a flat view, a dome, and a projector that shares the light with others.
 pub const THREE: &str = r#"
 [scene]
 catalogues = ["builtin:bright"]
@@ -48,7 +48,7 @@ view = "projector"
 position = [400, 0]
 "#;
 
-/// Returns the mesh of a projector; its share of the light decreases from left to right.
+/// Returns the mesh of a projector whose share of the light decreases from left to right.
 fn mesh() -> String {
     let shares = |column: usize, _| 1.0 - 0.1 * column as f64;
     theatre::bourke(&theatre::projectors()[0], 9, 7, shares)
@@ -56,7 +56,7 @@ fn mesh() -> String {
 
 const FRAMES: usize = 300;
 
-/// Returns the numbers of presented frames: for each frame its number in each window.
+/// Returns the frame number that each window showed, for each presentation in the log.
 fn presented(log: &str) -> Vec<HashMap<String, u64>> {
     let of_line = |line: &str| {
         let (_, numbers) = line.split_once("TRACE ")?;
@@ -91,17 +91,17 @@ fn three_windows() -> Result<(), String> {
     let out = scene.render(&[]);
     desktop.park_pointer([1500, 850]);
     let mut show = scene.show(&desktop.display, &["--frames", &FRAMES.to_string()]);
-    // The window shows the projector's share of the light.
+    // The window of the projector shows its share of the light.
     desktop.until_seen([400, 0], &Pixels::of_png(&out.join("projector.png")), "projector");
     assert!(show.wait().success(), "{}", show.log());
     let presented = presented(&show.log());
     assert_eq!(presented.len(), FRAMES, "{}", show.log());
     assert_eq!(breaches(&presented, 3), [""; 0]);
-    // An error is detected.
+    // Errors must be detected.
     let mut wrong = presented.clone();
     *wrong[7].get_mut("dome").unwrap() += 1;
     wrong[9].remove("ahead");
-    // An additional frame number may be mistaken for that of the next frame.
+    // There can be more than two breaches, because a wrong number can be taken for that of the next frame.
     assert!(breaches(&wrong, 3).len() >= 2);
     let report = show.out();
     assert!(report.lines().all(|line| line.contains(": 300 frames")), "{report}");
@@ -138,7 +138,7 @@ fn of_a_daemon() -> Result<(), String> {
     let mut daemon = Controlled::new(scene.serve(Some(&desktop.display)));
     until(|| daemon.stats().windows.iter().all(|window| window.frames > 0).then_some(()), || "no frames".to_owned());
     let presented_frames = |daemon: &Controlled| presented(&daemon.serve.log());
-    // The camera moves, so every frame is different: for a second, or longer on a busy machine.
+    // Move the camera, so that every frame is different, for a second, or for longer on a busy machine.
     let start = Instant::now();
     let mut step = 0;
     while step < 100 || presented_frames(&daemon).len() < 10 {
@@ -162,7 +162,7 @@ fn of_a_daemon() -> Result<(), String> {
         // This server reports no refresh rate, so no missed refreshes are counted.
         assert_eq!((window.refresh_hz, window.missed), (None, None), "{window:?}");
     }
-    // A scene at rest is drawn at most once a second.
+    // A scene at rest is drawn at most once per second.
     std::thread::sleep(std::time::Duration::from_secs(1));
     let rested = presented_frames(&daemon).len();
     std::thread::sleep(std::time::Duration::from_secs(2));

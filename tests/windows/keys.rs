@@ -1,4 +1,4 @@
-//! Keys pressed through the X server.
+//! Tests keys, which are pressed through the X server.
 
 use steradian::service::Client;
 
@@ -28,7 +28,7 @@ position = [0, 0]
 
 const SIZE: [u16; 2] = [320, 200];
 
-/// Waits until the window of a desktop without a window manager has the keyboard focus and shows the expected picture.
+/// Waits until a window has the keyboard focus and shows the expected picture. The desktop has no window manager.
 fn ready(desktop: &Desktop, running: &Running, expected: &Pixels) {
     desktop.until_seen([0, 0], expected, "picture");
     until(|| desktop.has_focus().then_some(()), || format!("no keyboard:\n{}", running.log()));
@@ -53,14 +53,15 @@ fn all_of_show() -> Result<(), String> {
     desktop.press('t');
     desktop.until_seen([0, 0], &picture, "after test pattern");
     desktop.press('i');
-    // White letters on a black plate at the centre.
+    // The overlay has white letters on a black plate at the centre.
     let middle = || desktop.pixels([110, 70], [100, 60]);
     let white = || middle().codes.iter().filter(|code| **code == [255; 3]).count();
     until(|| (white() > 100).then_some(()), || format!("{} white pixels", white()));
     assert!(middle().codes.iter().filter(|code| **code == [0; 3]).count() > 1000);
     desktop.press('i');
     desktop.until_seen([0, 0], &picture, "after names");
-    // Full screen and back: the picture is at the centre of the monitor, magnified to its height.
+    // Switch to full screen and back. On the full screen, the picture is at the centre of the monitor, magnified to the
+    // monitor's height.
     desktop.press('f');
     let corner = || desktop.pixels([1590, 890], [10, 10]);
     let magnified = || desktop.pixels([80, 0], [1440, 900]);

@@ -1,6 +1,7 @@
-//! Windows on X servers that need no monitor: Xvfb, and Xorg with its dummy driver, whose monitors can be disconnected.
-//! Pixels are read back from the server, and keys are pressed there. If a server is missing, the tests are reported as
-//! ignored with the reason; with `STERADIAN_REQUIRE_WINDOWS=1` they fail. The arguments are those of libtest.
+//! Tests windows on X servers that need no monitor: Xvfb, and Xorg with its dummy driver, whose monitors can be
+//! disconnected. Pixels are read back from the server, and keys are pressed there. If a server is missing, the tests
+//! are reported as ignored with the reason; with `STERADIAN_REQUIRE_WINDOWS=1` they fail. The arguments are those of
+//! libtest.
 #![allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 
 use testkit::theatre;

@@ -62,7 +62,7 @@ fullscreen = true
         }
         panic!("not {wanted:?}: {last:?}");
     };
-    // The second monitor is not connected yet: the first window does not wait for it.
+    // The second monitor is not connected yet, but the first window does not wait for it.
     let without = state(["shown", "monitor_missing"]);
     assert!(without[1].reason.contains("no monitor `DUMMY1`; there are: 1 DUMMY0 1024x768"), "{}", without[1].reason);
     desktop.until_seen([10, 20], &ahead, "the first window alone");
@@ -71,7 +71,7 @@ fullscreen = true
         let both = state(["shown", "shown"]);
         assert_eq!((both[0].monitor.as_str(), both[1].monitor.as_str()), ("DUMMY0", "DUMMY1"));
         assert!(both[0].refresh_hz.is_some_and(|rate| (50.0..100.0).contains(&rate)), "{both:?}");
-        // As high as the monitor, at its centre.
+        // The picture is as high as the monitor, and at its centre.
         desktop.until_seen([1024 + 128, 0], &dome, "on the second monitor");
         assert!(desktop.pixels([1024, 0], [128, 768]).is_black());
         desktop.until_seen([10, 20], &ahead, "the first window with both monitors");
@@ -79,7 +79,7 @@ fullscreen = true
         let one = state(["shown", "monitor_missing"]);
         assert_eq!(one[1].monitor, "", "round {round}");
         desktop.until_seen([10, 20], &ahead, "the first window after the second monitor was disconnected");
-        assert!(desktop.pixels([1024, 0], [1024, 768]).is_black(), "the window is still there");
+        assert!(desktop.pixels([1024, 0], [1024, 768]).is_black(), "the window still exists");
     }
     assert!(serve.terminate().success(), "{}", serve.log());
     Ok(())
@@ -117,7 +117,8 @@ fn found() -> Result<(), String> {
         assert!(show.terminate().success(), "{}", show.log());
         assert!(show.out().starts_with("ahead on DUMMY1: "), "{}", show.out());
     }
-    // Without a position a window is centred; a second window that would fill the same monitor reports why it does not.
+    // A window without a position is centred. If a second window would fill the same monitor, it reports why it does
+    // not.
     let windows = "[[windows]]\nview = 'dome'\nmonitor = 2\nfullscreen = true\n\
                    [[windows]]\nview = 'ahead'\nmonitor = 'DUMMY1'\nfullscreen = true\n\
                    [[windows]]\nname = 'third'\nview = 'ahead'\nmonitor = 1\n";

@@ -1,4 +1,4 @@
-//! Contents of windows, pixel by pixel.
+//! Tests the contents of windows, pixel by pixel.
 
 use crate::{
     Test,
@@ -13,7 +13,7 @@ pub const TESTS: &[Test] = &[
     ("pictures::uncovered_parts_of_windows_are_redrawn", uncovered),
 ];
 
-/// Stars, a body, two projections and two eyes, with labels.
+/// Configuration with stars, a body, two projections, two eyes, and labels.
 const VIEWS: &str = r#"
 [scene]
 catalogues = ["builtin:bright", { galaxy = { stars = 20000, seed = 1, fainter_than = 6.5 } }]
@@ -40,7 +40,7 @@ fov = { left_deg = -40.0, right_deg = 40.0, up_deg = 35.0, down_deg = -35.0 }
 
 fn same_as_render() -> Result<(), String> {
     let desktop = Desktop::virtual_frame_buffer()?;
-    // Two windows show the same image; one of them is to the right of the others.
+    // Two windows show the same image, one of them to the right of all other windows.
     let windows = r#"
 [[windows]]
 view = "ahead"
@@ -76,7 +76,7 @@ vsync = false
         let size = expected.size.map(|side| side as u16);
         assert!(desktop.pixels([corner[0] + 1, corner[1]], size).differences(&expected).0 > 10, "{file}");
     }
-    // Intervals need a second frame.
+    // Statistics have intervals only after a second frame.
     std::thread::sleep(std::time::Duration::from_secs(2));
     assert!(show.terminate().success(), "{}", show.log());
     let report = show.out();
@@ -96,8 +96,8 @@ fn code(light: f64) -> u8 {
     (value * 255.0).round() as u8
 }
 
-/// Twin of `shaders/windows/picture.wgsl`: an image in a window of another size; each pixel is the mean over its
-/// square, which covers at least one image pixel.
+/// Twin of `shaders/windows/picture.wgsl`: draws an image in a window of another size. Each pixel is the mean of the
+/// image over a square that is at least one image pixel wide.
 fn fitted(image: &Pixels, window: [usize; 2]) -> Pixels {
     let [width, height] = image.size.map(|side| side as f64);
     let scale = (window[0] as f64 / width).min(window[1] as f64 / height);
@@ -154,7 +154,7 @@ size = [100, 90]
         let expected = fitted(&Pixels::of_png(&out.join(file)), window);
         assert!(expected.brightest() > 100, "{file}");
         let differences = || desktop.pixels(corner, window.map(|side| side as u16)).differences(&expected);
-        // Allow one code, because the shader uses f32.
+        // Allow a difference of one code, because the shader uses f32.
         crate::desktop::until(|| (differences().1 <= 1).then_some(()), || format!("{file}: {:?}", differences()));
         let (pixels, _) = differences();
         println!("{file} in {window:?}: {pixels} pixels differ by one code");
@@ -176,7 +176,7 @@ fn one_for_each_image() -> Result<(), String> {
     Ok(())
 }
 
-/// A window of another program covers a window of a daemon with a scene at rest, and is closed.
+/// The scene of a daemon is at rest. The window of another program covers the daemon's window, and is then closed.
 fn uncovered() -> Result<(), String> {
     use x11rb::{
         connection::Connection,

@@ -1,5 +1,5 @@
 //! Sky stamps: the director turns the camera, so that one bright star is in another column in every frame. One image of the X server shows a line over all
-//! windows at one moment; the columns of the star say which frame each window shows.
+//! windows at one moment; the columns of the star identify the frame that each window shows.
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -21,18 +21,18 @@ pub struct Line {
     /// Width of each window, pixels.
     pub width: u16,
     pub windows: u16,
-    /// First row, and number of rows, that contain the star.
+    /// First of the rows that contain the star, and number of these rows.
     pub rows: [u16; 2],
 }
 
-/// The columns of the star in all windows at one moment; `None`: the star is not visible.
+/// The columns of the star in all windows at one moment. A column is `None` if the star is not visible.
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub at: Duration,
     pub columns: Vec<Option<f64>>,
 }
 
-/// Brightness-weighted centre of a row of pixels.
+/// Returns the brightness-weighted centre of a row of pixels.
 fn centre(codes: impl Iterator<Item = u8>) -> Option<f64> {
     let (mut sum, mut moment) = (0.0, 0.0);
     for (column, code) in codes.enumerate().filter(|(_, code)| *code >= DARK) {
@@ -42,7 +42,7 @@ fn centre(codes: impl Iterator<Item = u8>) -> Option<f64> {
     (sum > 0.0).then(|| moment / sum)
 }
 
-/// Reads the windows about once a millisecond for a time.
+/// Reads the windows about once per millisecond for this length of time.
 pub fn samples(desktop: &Desktop, line: Line, length: Duration) -> Vec<Sample> {
     let (begin, mut samples) = (Instant::now(), Vec::new());
     let width = usize::from(line.width);
@@ -66,11 +66,11 @@ pub fn samples(desktop: &Desktop, line: Line, length: Duration) -> Vec<Sample> {
 pub struct Verdict {
     /// Frames that all windows showed.
     pub frames: usize,
-    /// Number of times that windows showed different frames.
+    /// Number of periods in which windows showed different frames.
     pub transitions: usize,
     /// Duration of each transition, from its first to its last sample, ms.
     pub lasted_ms: Vec<f64>,
-    /// Number of transitions in which a window showed a frame that was neither the one before nor the one after: only some windows showed that frame.
+    /// Number of transitions in which a window showed neither the previous nor the next common frame, but one that only some windows showed.
     pub mixed: usize,
 }
 
@@ -80,7 +80,7 @@ impl Verdict {
         self.lasted_ms.iter().filter(|lasted| **lasted >= ms).count()
     }
 
-    /// Compares some windows. The samples before the first and after the last common frame are not counted.
+    /// Compares some of the windows. Samples before the first common frame and after the last one are not counted.
     pub fn of(samples: &[Sample], windows: &[usize]) -> Self {
         let is_same = |one: Option<f64>, other: Option<f64>| match (one, other) {
             (Some(one), Some(other)) => (one - other).abs() < SAME_PX,
@@ -116,13 +116,14 @@ impl Verdict {
             before = Some(after);
             differing.clear();
         }
-        // Windows that never show a common frame again count as mixed, too.
+        // If the windows never show a common frame again, this counts as mixed too.
         verdict.mixed += usize::from(differing.len() > 1 && before.is_some());
         verdict
     }
 }
 
-/// Turns the camera of a daemon until it ends, as a function of the time of the machine, back and forth over an angle.
+/// Turns the camera of a daemon until the daemon ends. The angle is a function of the machine's time: it grows steadily, and jumps back when it
+/// exceeds `sweep_rad`.
 pub async fn turn(mut client: Client, rad_s: f64, sweep_rad: f64) -> Result<(), ClientError> {
     let mut steering = client.steer(Lease::None, "").await?;
     loop {

@@ -41,7 +41,7 @@ export class Ages {
     this.last = undefined;
   }
 
-  /** Hidden views have no age. */
+  /** Removes the data of a view, because a hidden view has no age. */
   forget(view: string): void {
     this.#rendered.delete(view);
     this.#revision.delete(view);
@@ -54,7 +54,7 @@ export class Ages {
     if (frame.poseTime) this.#clock.poseShown(frame.cameraRevision, milliseconds(frame.poseTime));
   }
 
-  /** Records that it was drawn. */
+  /** Records that a frame was drawn. */
   shown(frame: Frame): void {
     const offset = this.#clock.offset()?.offset;
     const at = now();
@@ -73,7 +73,7 @@ export class Ages {
     if (this.#ways.length > MOST) this.#ways.shift();
   }
 
-  /** Age of the oldest picture on the screen, ms; undefined without a picture or while the clock offset is unknown. */
+  /** Age of the oldest picture on the screen, ms; undefined if there is no picture or the clock offset is unknown. */
   picture(): number | undefined {
     const offset = this.#clock.offset()?.offset;
     if (offset === undefined || this.#rendered.size === 0) return undefined;

@@ -53,13 +53,13 @@ export class Clock {
     if (this.#sent.size > MOST_POSES && !oldest.done) this.#sent.delete(oldest.value);
   }
 
-  /** Records a frame with the arrival time of its pose: a pose of this page arrived after it was sent. */
+  /** Records the time at which the pose of a frame arrived. If this page sent the pose, it arrived after it was sent. */
   poseShown(revision: bigint, poseTime: number): void {
     const sent = this.#sent.get(revision);
     if (sent !== undefined) this.stampedAfter(poseTime, sent);
   }
 
-  // After a clock was set, old bounds exclude new ones: the newer ones count.
+  // After a clock was set, old bounds contradict new ones, so only the newer bounds count.
   #agree(): void {
     if (this.#lower.value <= this.#upper.value) return;
     if (this.#lower.at > this.#upper.at) this.#upper = { value: this.#lower.value, at: this.#lower.at };

@@ -9,7 +9,7 @@ interface Properties {
   [name: string]: string | number | boolean | ((event: Event) => void) | undefined;
 }
 
-/** An element with attributes, listeners (`on...`) and children. */
+/** Creates an element with attributes, listeners (`on...`) and children. */
 export function make<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   properties: Properties = {},
@@ -45,14 +45,14 @@ export function plain(value: number): string {
   return String(Number(value.toPrecision(9)));
 }
 
-/** Calls `edited` whenever a field of a form is edited. A program that clears a field, such as a filler of forms, causes a change but no input. */
+/** Calls `edited` whenever a field of a form is edited. A form filler that clears a field causes the event `change`, but not `input`. */
 export function onEdit(form: HTMLElement, edited: () => void): void {
   for (const kind of ["input", "change"]) form.addEventListener(kind, edited);
 }
 
 let lastId = 0;
 
-/** A label with its control; the control gets an id and the label points at it. */
+/** Creates a label with its control. The control gets an id, which the label refers to. */
 export function field(label: string, control: HTMLInputElement | HTMLSelectElement, unit = ""): HTMLElement {
   control.id ||= `field-${++lastId}`;
   const caption = make("label", { for: control.id, text: label });
@@ -60,14 +60,14 @@ export function field(label: string, control: HTMLInputElement | HTMLSelectEleme
   return make("div", { class: "field" }, caption, control);
 }
 
-/** A number input with any step, because the daemon validates values. */
+/** Creates a number input that accepts any step, because the daemon validates values. */
 export function numberInput(name: string, value?: number): HTMLInputElement {
   const input = make("input", { type: "number", step: "any", name, inputmode: "decimal" });
   if (value !== undefined) input.value = plain(value);
   return input;
 }
 
-/** A choice of values. */
+/** Creates a choice of values. */
 export function select(name: string, values: readonly (readonly [value: string, text: string])[], chosen: string): HTMLSelectElement {
   const options = values.map(([value, text]) => make("option", { value, text, selected: value === chosen }));
   return make("select", { name }, ...options);

@@ -41,7 +41,7 @@ export class Flight {
 
   constructor(steering: Steering) {
     this.#steering = steering;
-    // The release of a key in another window is not reported.
+    // If a key is released while another window has the focus, this page gets no event.
     addEventListener("blur", () => this.#held.clear());
     document.addEventListener("visibilitychange", () => this.#held.clear());
   }
@@ -102,7 +102,7 @@ export class Flight {
 /** A pressed pointer. */
 interface Drag {
   pointer: number;
-  /** Its initial direction: camera axes, and ICRS axes at that time. */
+  /** Its initial direction in camera axes, and in ICRS axes at that time. */
   from: Vec3;
   icrs: Vec3;
   /** Rotation of the camera by this drag so far. */

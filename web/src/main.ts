@@ -32,11 +32,11 @@ const [FIRST_WAIT_MS, LONGEST_WAIT_MS] = [500, 4000];
 const NO_PICTURE_MS = 3000;
 /** Interval at which the displayed ages are updated. */
 const AGE_INTERVAL_MS = 200;
-/** A daemon sends statistics every second: without any for this time it is reported as silent. */
+/** A daemon sends statistics every second. If none arrive for this time, it is reported as silent. */
 const SILENT_MS = 3500;
-/** After this time, the page connects anew. */
+/** After this time, the page reconnects. */
 const LOST_MS = 12_000;
-/** An older picture is marked as outdated: the daemon sends at least one per second. */
+/** An older picture is marked as outdated, because the daemon sends at least one per second. */
 const OLD_MS = 3000;
 
 const clock = new Clock();
@@ -72,7 +72,7 @@ statistics.addEventListener("headset", () => void model.refresh());
 /** Frames of the headset contain the origin of its room, with a camera revision that may be newer than that of other frames. */
 const headsetView = (): string | undefined => model.views.find(({ type }) => type === "headset")?.name;
 
-// The address contains the displayed views, so that it can configure a screen of a control room.
+// The page's address contains the names of the displayed views, so that an address can configure a screen of a control room.
 const choice = byId("views");
 const namesInAddress = (): string[] => new URLSearchParams(location.hash.slice(1)).get("views")?.split(",").filter(Boolean) ?? [];
 
@@ -104,7 +104,7 @@ function listViews(): void {
   showViews(wanted.length > 0 || none ? wanted : names.slice(0, 1));
 }
 model.addEventListener("change", listViews);
-// Frames report new revisions of the scene. Without pictures, new views of other clients are polled.
+// Frames report new revisions of the scene. While the page displays no pictures, it polls for views that other clients create.
 setInterval(() => {
   const isLost = document.documentElement.classList.contains("lost");
   if (model.scene && pictures.selected.length === 0 && !document.hidden && !isLost) void model.refresh();
@@ -121,7 +121,7 @@ function encode(): void {
   pictures.encoding = ENCODINGS.get(encoding.value) ?? Encoding.JPEG;
 }
 encoding.addEventListener("change", encode);
-// Use video if the browser has a decoder; this is known before the first picture is requested.
+// Use video if the browser has a decoder. This is determined before the first picture is requested.
 const video = decodesVideo().then((decodes) => {
   if (!decodes) encoding.querySelector("option[value=h264]")?.remove();
   encode();
@@ -153,13 +153,13 @@ setInterval(() => {
   else if (picture === undefined) age.textContent = "no picture";
   else {
     const camera = pose === undefined ? "" : ` · camera to screen ${duration(pose)}`;
-    // The clock offset has an error: a smaller age is displayed as zero.
+    // The clock offset has an error, so a negative age is displayed as zero.
     age.textContent = `picture ${duration(Math.max(0, picture))} old${camera}`;
     age.dataset["ms"] = picture.toFixed(1);
   }
 }, AGE_INTERVAL_MS);
 
-// A daemon that is stopped, or behind a cut cable, keeps its connections: it is only silent.
+// The connections to a daemon that is stopped, or whose cable is cut, stay open, but nothing arrives.
 let isSilent = false;
 let live = new AbortController();
 function watchSilence(): void {
@@ -223,7 +223,7 @@ async function run(): Promise<never> {
       const unreachable = failureOf(error) === "unreachable";
       const title = unreachable ? `No connection to the daemon at ${location.host}` : "The daemon has refused";
       retry = new AbortController();
-      // Spread the retries of pages that have lost the same daemon.
+      // Use random delays, so that pages that have lost the same daemon do not all retry at once.
       const rest = wait * (0.75 + 0.5 * Math.random());
       const until = Date.now() + rest;
       const showCountdown = () => {

@@ -1,6 +1,5 @@
-// The daemon's scene and views, and their changes. Every change contains the revision that the form was filled from: if
-// another client has changed the scene since, the daemon refuses it, and the forms are filled again. No change is
-// overwritten unnoticed.
+// The daemon's scene and views, and their changes. Every change contains the revision that the form was filled from. If another client has changed
+// the scene in the meantime, the daemon refuses the change, and the forms are filled again. No change is thus overwritten unnoticed.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
 
@@ -17,7 +16,7 @@ const CHANGE_PATIENCE_MS = 120_000;
 
 /** Cause of a change of the scene. */
 export interface SceneChange {
-  /** Revision before a change by this page: forms with that revision remain valid. */
+  /** If this page made the change, the revision before it: forms with that revision remain valid. */
   ownFrom: bigint | undefined;
   /** Whether a form's change was refused because of its revision. */
   conflict: boolean;
@@ -39,7 +38,7 @@ export class Model extends EventTarget {
     return this.#scene;
   }
 
-  /** Returns the scene time of now, ms since 1970; undefined for years outside of 1 to 9999. */
+  /** Returns the current scene time, ms since 1970; undefined for years outside of 1 to 9999. */
   timeMs(): number | undefined {
     const { time, timeRate = 0 } = this.#scene ?? {};
     return time && milliseconds(time) + timeRate * (performance.now() - this.#readAt);
@@ -97,7 +96,7 @@ export class Model extends EventTarget {
     }
   }
 
-  /** Changes the fields of the paths; returns false after reporting a refusal. */
+  /** Changes the fields that the paths name. If the daemon refuses the change, reports this and returns false. */
   async changeScene(scene: MessageInitShape<typeof SceneSchema>, paths: string[], revision: bigint): Promise<boolean> {
     const request = { scene, updateMask: { paths }, expectedRevision: revision };
     return this.#change("Scene", revision, async () => {

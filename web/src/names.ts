@@ -1,11 +1,11 @@
-// Identification of the object at a click.
+// Identifies the object at the place of a click.
 
 import { type IdentifiedObject, ObjectKind } from "../gen/steradian/v1/scene_pb.ts";
 import type { Vec3 } from "./maths.ts";
 import { notify } from "./notices.ts";
 import { PATIENCE_MS, failureOf, messageOf, scenes } from "./rpc.ts";
 
-/** Search radius of a click for stars, screen pixels. */
+/** Radius around a click in which stars are searched for, screen pixels. */
 const NEAR_PX = 12;
 /** Maximum search radius of the daemon, degrees. */
 const MOST_RADIUS_DEG = 10;

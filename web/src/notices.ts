@@ -1,4 +1,4 @@
-// Messages to the user: a banner while the daemon cannot be reached, and notices of refusals.
+// Messages to the user: a banner while the daemon cannot be reached, and notices about refused calls.
 
 import { byId, make } from "./dom.ts";
 

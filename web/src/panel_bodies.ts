@@ -1,5 +1,4 @@
-// Bodies of the scene: a list, and a form for one of them. The mask of a change names this body only, so changes of
-// others are kept.
+// Bodies of the scene: a list, and a form for one of them. The mask of a change names only this body, so that changes to other bodies are kept.
 
 import { clone, create } from "@bufbuild/protobuf";
 
@@ -171,7 +170,7 @@ export function bodiesPanel(host: HTMLElement, model: Model): void {
     if (scene.bodies.length === 0) list.append(make("li", { class: "hint", text: "The scene has no bodies." }));
     const filled = state.follows(scene, (event as CustomEvent<SceneChange>).detail);
     if (!filled || edited === undefined) return;
-    // The form is updated to the current body.
+    // Fill the form with the current values of the body.
     const body = scene.bodies.find(({ name }) => name === edited);
     if (edited !== "" && !body) {
       notify(`Body ${edited} is gone.`, "warning");

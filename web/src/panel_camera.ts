@@ -72,9 +72,9 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     return button;
   });
 
-  // The role view may not steer.
+  // The view role may not steer.
   const submit = make("button", { type: "submit", text: "Set camera" });
-  const mayNot = make("p", { id: "may-not-steer", class: "hint", hidden: true, text: "Your role is view: you may not steer." });
+  const mayNot = make("p", { id: "may-not-steer", class: "hint", hidden: true, text: "Your role is view, which may not steer." });
   const setRole = () => {
     for (const button of [...buttons, submit]) button.disabled = !steering.mayMove;
     mayNot.hidden = steering.mayMove;
@@ -111,7 +111,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
         const [x = 0, y = 0, z = 0] = inputs.map(number);
         return { x, y, z };
       };
-      // Unchanged values are not sent: they keep all digits, and motion by other clients continues.
+      // Unchanged values are not sent, so that they keep all digits and do not undo motion by other clients.
       const changed = (inputs: HTMLInputElement[]) => inputs.some((input) => input.value !== input.dataset["shown"]);
       const change: Parameters<Steering["set"]>[0] = {};
       if (changed([ra, dec, roll])) {
@@ -138,7 +138,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     make("div", { class: "hold-buttons", role: "group", "aria-label": "Fly and roll while held" }, ...buttons),
     field("Speed", speed),
     speedTold,
-    make("p", { class: "hint", text: "In a picture: drag or arrow keys look, W A S D Q E fly, Z X roll, Shift is ten times slower, + and − change the speed." }),
+    make("p", { class: "hint", text: "In a picture: drag or use the arrow keys to look around, W A S D Q E to fly, Z X to roll. Shift is ten times slower, + and − change the speed." }),
     form,
   );
   document.addEventListener("keydown", (event) => {
@@ -163,7 +163,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     const distance = Math.hypot(...at);
     const [far, unit] = distance >= 1e-3 * PARSEC_M ? [distance / PARSEC_M, "pc"] : distance >= 1e9 ? [distance / AU_M, "au"] : [distance, "m"];
     place.textContent = distance > 0 ? `${far.toPrecision(4)} ${unit} from the barycentre` : "At the barycentre";
-    // A moving camera does not overwrite an edited form.
+    // A moving camera must not overwrite a form that is being edited.
     if (dirty) return;
     const fill = (input: HTMLInputElement, value: number) => {
       input.value = input.dataset["shown"] = plain(value);

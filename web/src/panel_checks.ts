@@ -49,7 +49,7 @@ export function checksPanel(host: HTMLElement): void {
     field("Checks", filter, "name, group or number; empty: all"),
     field("Star method", method, "empty: the one in use"),
     make("div", { class: "buttons" }, start, stop),
-    make("p", { class: "hint", text: "They run in parallel with the frames: on a software driver, some take many seconds." }),
+    make("p", { class: "hint", text: "They run while frames are drawn. On a software driver, some tests take many seconds." }),
   );
   host.append(form, sum, results);
 

@@ -1,4 +1,4 @@
-// Exposure of a view: mode and metering apply at once, the other keys with a button. The daemon lists the keys that
+// Exposure of a view: changes of mode and metering apply at once, those of the other keys when a button is pressed. The daemon lists the keys that
 // have an effect.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
@@ -89,7 +89,7 @@ export function exposurePanel(host: HTMLElement, model: Model, pictures: Picture
         const paths: string[] = [];
         for (const [key, path] of KEYS) {
           const input = inputs.get(key);
-          // An emptied key is inherited.
+          // A key whose input was emptied is inherited again.
           const value = input && numberOf(input);
           if (!input || input.value === input.defaultValue || value === exposure[key]) continue;
           if (value !== undefined) changed[key] = value;
@@ -118,7 +118,7 @@ export function exposurePanel(host: HTMLElement, model: Model, pictures: Picture
   });
   model.addEventListener("change", (event) => {
     if (!model.scene) return;
-    // The headset uses the settings of the configuration.
+    // The exposure of the headset comes from the configuration and cannot be changed.
     const names = model.views.filter(({ type }) => type !== "headset").map(({ name }) => name);
     if (names.join() !== [...choice.options].map(({ value }) => value).join()) {
       const chosen = choice.value;

@@ -1,4 +1,4 @@
-// Search for a body, star or constellation by name, and turning the camera to it.
+// Searches for a body, star or constellation by name, and turns the camera to it.
 
 import { field, make } from "./dom.ts";
 import type { Flight } from "./look.ts";

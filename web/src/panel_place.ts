@@ -1,4 +1,4 @@
-// The observer's place on the Earth. Only the configuration adds an observer; the form moves it.
+// The observer's place on the Earth. Only the configuration can add an observer; the form moves it.
 
 import { field, make, numberInput, numberOf, plain } from "./dom.ts";
 import { FormState, type Model, type SceneChange } from "./model.ts";
@@ -41,7 +41,7 @@ export function placePanel(host: HTMLElement, model: Model): void {
     try {
       const wanted = { latitudeDeg: numberOf(latitude) ?? 0, longitudeDeg: numberOf(longitude) ?? 0, heightM: numberOf(height) ?? 0 };
       const paths: string[] = [];
-      // A place that is displayed with fewer digits has not been entered.
+      // The form displays fewer digits. A value that equals the current one in these digits was not edited.
       if (plain(wanted.latitudeDeg) !== plain(place.latitudeDeg)) paths.push("observer.latitude_deg");
       if (plain(wanted.longitudeDeg) !== plain(place.longitudeDeg)) paths.push("observer.longitude_deg");
       if (plain(wanted.heightM) !== plain(place.heightM)) paths.push("observer.height_m");

@@ -14,7 +14,7 @@ const GRIDS = [
 
 /** Interval at which a running time is displayed. */
 const SHOW_INTERVAL_MS = 500;
-/** A time that differs less from the scene's, in ms, is the displayed one. */
+/** If a time in the form differs by less than this from the scene's, it was not edited, ms. */
 const ENTERED_MS = 2000;
 
 /** Time steps, s. */
@@ -35,7 +35,7 @@ export function scenePanel(host: HTMLElement, model: Model): void {
   fields(host, model);
 }
 
-/** Calls the form's function when it must be filled. */
+/** Calls the form's function when the form must be filled. */
 function follow(model: Model, state: FormState, fill: () => void): void {
   model.addEventListener("change", (event) => {
     if (model.scene && state.follows(model.scene, (event as CustomEvent<SceneChange>).detail)) fill();
@@ -123,7 +123,7 @@ function time(host: HTMLElement, model: Model): void {
   );
   host.append(form);
   state.watch(form);
-  // Rate to which Play returns.
+  // Rate that Play sets again after a pause.
   let lastRate = 1;
   const show = () => {
     const shown = model.timeMs();
@@ -142,7 +142,7 @@ function time(host: HTMLElement, model: Model): void {
       : "";
   };
   follow(model, state, fill);
-  // A running time is displayed as it passes.
+  // While the time runs, the display follows it.
   setInterval(() => {
     if (!state.dirty && model.scene && model.scene.timeRate !== 0) show();
   }, SHOW_INTERVAL_MS);
@@ -173,10 +173,10 @@ function time(host: HTMLElement, model: Model): void {
     try {
       const timeRate = numberOf(rate) ?? 0;
       const shown = input.value.trim();
-      // Without a zone, it would be interpreted in the browser's time zone.
+      // A text without a zone would be interpreted in the browser's time zone.
       const ms = Date.parse(/(Z|[+-]\d\d:?\d\d)$/i.test(shown) ? shown : `${shown}Z`);
       if (timeRate === model.scene?.timeRate) return void set(ms);
-      // A time that is displayed as it passes has not been entered.
+      // A displayed time that merely follows the scene was not edited.
       const entered = Math.abs(ms - (model.timeMs() ?? Number.NaN)) > ENTERED_MS;
       if (!entered) return void change({ timeRate }, ["time_rate"]);
       if (!Number.isFinite(ms)) return void set(ms);

@@ -13,7 +13,7 @@ export function snapshotsPanel(host: HTMLElement, model: Model): void {
   const form = make("form", {}, make("h3", { text: "Snapshots" }), list, field("Name", name), make("div", { class: "buttons" }, save));
   host.append(form);
 
-  // Answers may overtake one another: only the answer to the last question is shown.
+  // Answers may arrive in another order than their requests: show only the answer to the last request.
   let questions = 0;
   const read = async () => {
     const question = ++questions;
@@ -38,7 +38,7 @@ export function snapshotsPanel(host: HTMLElement, model: Model): void {
       if (snapshots.length === 0) list.append(make("li", { class: "hint", text: "None." }));
     } catch (error) {
       if (question !== questions) return;
-      // Without a state file there are none.
+      // A daemon without a state file has no snapshots.
       save.disabled = true;
       if (failureOf(error) === "refused") list.replaceChildren(make("li", { class: "hint", text: messageOf(error) }));
     }
@@ -58,7 +58,7 @@ export function snapshotsPanel(host: HTMLElement, model: Model): void {
     const saved = name.value.trim();
     void act(`Snapshot ${saved} is saved.`, () => scenes.saveSnapshot({ name: saved }, { timeoutMs: PATIENCE_MS }));
   });
-  // Other clients save snapshots too: read them whenever the panel is opened.
+  // Other clients may save snapshots too, so read the list whenever the panel is opened.
   model.addEventListener("loaded", () => void read());
   document.getElementById("tab-scene")?.addEventListener("click", () => void read());
 }

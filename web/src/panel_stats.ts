@@ -64,7 +64,7 @@ export class Statistics extends EventTarget {
     host.append(plots, this.#figures, this.#passes);
   }
 
-  /** Time since the last message, ms; undefined while none is awaited. */
+  /** Time since the last message, ms; undefined while no messages are expected. */
   silence(): number | undefined {
     return this.#heard === undefined ? undefined : now() - this.#heard;
   }
@@ -111,7 +111,7 @@ export class Statistics extends EventTarget {
     const wasConnected = before?.headset?.status?.connected;
     if (before && stats.headset && stats.headset.status?.connected !== wasConnected) this.dispatchEvent(new Event("headset"));
     const seconds = before?.time && stats.time ? (milliseconds(stats.time) - milliseconds(before.time)) / 1000 : 0;
-    // Messages in quick succession, as when a headset connects, are useless for rates.
+    // No rates can be computed from messages in quick succession, which occur for instance when a headset connects.
     if (before && seconds > 0.5 * INTERVAL_S) {
       this.#rate.push(Number(stats.framesRendered - before.framesRendered) / seconds);
       this.#dropped.push(Number(stats.framesDropped - before.framesDropped) / seconds);

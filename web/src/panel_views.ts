@@ -70,7 +70,7 @@ export function viewsPanel(host: HTMLElement, model: Model): void {
   type.addEventListener("change", arrange);
   arrange();
 
-  /** Number of pixels in an input; others than whole numbers have no form in the protocol. */
+  /** Returns the number of pixels in an input. The protocol can only express whole numbers. */
   const pixels = (input: HTMLInputElement): number => {
     const value = numberOf(input);
     if (value === undefined || !Number.isInteger(value) || value < 1 || value > 65_536) {

@@ -1,6 +1,6 @@
-// The pictures. Browsers open at most six connections to a host, so the page requests the next frames of all views in
-// one call, and again when they have arrived: no picture waits in a buffer. While frames are decoded, exactly one
-// request for the next ones is in transit.
+// The pictures. Browsers open at most six connections to a host, so the page requests the next frames of all views in one call, and repeats the
+// request when they have arrived, so that no picture waits in a buffer. While frames are decoded, exactly one request for the next ones is in
+// transit.
 
 import { Encoding, type Frame, type View, type ViewImage } from "../gen/steradian/v1/view_pb.ts";
 import type { Ages } from "./ages.ts";
@@ -53,13 +53,13 @@ class Picture {
     this.fail(view.images.length > 0 ? "waiting for a picture" : "not connected");
   }
 
-  /** Updates the images, such as when a headset connects, or the settings. */
+  /** Updates the images, for example when a headset connects, and the settings. */
   change(view: View): void {
     this.view = view;
     this.#images.dataset["type"] = view.type;
     this.#images.dataset["count"] = String(view.images.length);
     for (const image of view.images) {
-      // A new geometry changes the shape.
+      // A new geometry may change the aspect ratio.
       this.#canvas(image.part, image).style.setProperty("--aspect", String(image.width / image.height));
     }
     for (const [part, canvas] of this.#canvases) {
@@ -137,7 +137,7 @@ class Picture {
     this.#describe(frame);
   }
 
-  /** Marks the picture as outdated: it has no frame rate. */
+  /** Marks the picture as outdated, which has no frame rate. */
   mark(old: boolean): void {
     if (old === this.#old) return;
     this.#old = old;
@@ -254,7 +254,7 @@ export class Pictures extends EventTarget {
     before.abort();
   }
 
-  // Other sizes are requested: the displayed pixels stay until they arrive.
+  // Request other sizes. The displayed pixels stay until these images arrive.
   #remeasure(): void {
     const sizes = [...this.#pictures.values()].map((picture) => picture.maxSize()).join();
     if (sizes === this.#sizes) return;
@@ -328,7 +328,7 @@ export class Pictures extends EventTarget {
     );
   }
 
-  // The daemon is reachable and reports a reason: the views may have changed, so reload them.
+  // The daemon can be reached and reports a reason. The views may have changed, so reload them.
   async #refused(wanted: Wanted[], error: unknown, signal: AbortSignal): Promise<void> {
     const message = messageOf(error);
     for (const { view } of wanted) this.#pictures.get(view)?.fail(message);

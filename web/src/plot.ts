@@ -49,7 +49,7 @@ export class Plot {
     this.#draw();
   }
 
-  /** Adds a value for each series; undefined leaves a gap in time, and no point. */
+  /** Adds a value for each series; with undefined, the time passes but there is no point. */
   push(...values: (number | undefined)[]): void {
     this.#points.push(values);
     if (this.#points.length > MOST) this.#points.shift();

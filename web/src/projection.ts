@@ -3,7 +3,7 @@
 import type { Projection, ViewImage } from "../gen/steradian/v1/view_pb.ts";
 import { IDENTITY, type Quat, type Vec3, normalize, rotate } from "./maths.ts";
 
-/** Assumed vertical field of view without a projection, as for a headset: only drags depend on it. */
+/** Vertical field of view that is assumed if there is no projection, as for a headset. Only drags depend on it. */
 const ASSUMED_FOV_RAD = Math.PI / 2;
 
 /**

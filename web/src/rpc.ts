@@ -9,7 +9,7 @@ import { SceneService } from "../gen/steradian/v1/scene_pb.ts";
 import { ViewService } from "../gen/steradian/v1/view_pb.ts";
 import { authorise } from "./login.ts";
 
-// Relative to the page, which a proxy may serve below a path.
+// The address is relative to the page, because a proxy may serve the page below a path.
 const baseUrl = new URL(".", location.href).href.replace(/\/$/, "");
 const transport = createGrpcWebTransport({ baseUrl, interceptors: [authorise] });
 
@@ -31,7 +31,7 @@ export function failureOf(error: unknown): Failure {
   switch (code) {
     case Code.Canceled:
       return "ended";
-    // A failed fetch has no code: a daemon that answers would send one.
+    // A failed fetch has no code; a daemon that answers sends one.
     case Code.Unavailable:
     case Code.Unknown:
     case Code.DeadlineExceeded:
@@ -55,7 +55,7 @@ export function messageOf(error: unknown): string {
   return rawMessage || Code[code];
 }
 
-/** Waits; ends early, without an error, on the signal. */
+/** Waits. The signal ends the wait early, without an error. */
 export function pause(ms: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
     const end = () => {

@@ -1,11 +1,11 @@
-// The camera as steered by the page. One call at a time is in transit; newer poses replace each other meanwhile, and
-// the last one is sent next.
+// Steers the camera. Only one call at a time is in transit. In the meantime, each new pose replaces the one that is waiting, and the last pose is
+// sent next.
 //
 // Every pose contains the revision that it was made from. If another client has moved the camera since, the daemon
 // refuses the pose: the page takes over the current camera, reports it, and continues from there.
 //
-// Rotations are relative: a camera that is fixed to the horizon turns with the sky, without a new revision, and the daemon applies them to the
-// camera's current orientation. Each frame contains its camera, which the page follows.
+// Rotations are relative, and the daemon applies them to the camera's current orientation: a camera that is fixed to the horizon turns relative to
+// the stars without a new revision. Each frame contains its camera, which the page follows.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
 
@@ -68,16 +68,16 @@ export class Steering extends EventTarget {
     this.dispatchEvent(new Event("role"));
   }
 
-  /** Records the camera of a frame. Older cameras, and poses that the page has passed, are ignored. */
+  /** Records the camera of a frame. Ignores it if it is older than the known camera, or if the page is sending a pose. */
   observe(camera: Camera): void {
     if (this.#sending || this.#wanted || (this.#known && camera.revision < this.#known.revision)) return;
     this.#take(camera);
   }
 
-  /** Turns or moves the camera. Turns that wait add up; the latest position wins. */
+  /** Turns or moves the camera. Waiting turns are added up; of waiting positions, the latest wins. */
   steer(motion: Motion): void {
     if (!this.#mayMove) {
-      notify("The role view may not steer.", "warning");
+      notify("The view role may not steer.", "warning");
       return;
     }
     const wanted = this.#wanted ?? {};
@@ -131,18 +131,18 @@ export class Steering extends EventTarget {
 
   async #refused(error: unknown): Promise<void> {
     const failure = failureOf(error);
-    // The session reports a lost daemon or asks for a token, and reloads the camera afterwards.
+    // In the other cases, the session reports a lost daemon or asks for a token, and reloads the camera afterwards.
     if (failure === "unreachable" || failure === "unknown" || failure === "ended") return;
     if (isHeld(error)) notify(await this.#holder(), "warning");
     else if (failure === "refused") notify(`Camera: ${messageOf(error)}`, "error");
-    else notify("Another client has moved the camera: going on from there.", "warning");
+    else notify("Another client has moved the camera: steering continues from there.", "warning");
     await this.#moved();
   }
 
-  /** Returns who holds the lease of the camera, in words. */
+  /** Returns a sentence that names the holder of the camera's lease. */
   async #holder(): Promise<string> {
     const { holder } = await cameras.getCamera({}, { timeoutMs: PATIENCE_MS });
-    if (!holder) return "Another client held the lease of the camera, and has released it now: try again.";
+    if (!holder) return "Another client held the lease of the camera and has now released it: try again.";
     return `\`${holder}\` holds the lease of the camera: the page can steer when it releases it.`;
   }
 
@@ -152,7 +152,7 @@ export class Steering extends EventTarget {
     } catch (error) {
       if (failureOf(error) === "refused") notify(`Camera: ${messageOf(error)}`, "error");
     }
-    // Drags restart from the current camera.
+    // Drags continue from the current camera.
     this.dispatchEvent(new Event("moved"));
   }
 

@@ -1,4 +1,4 @@
-// Tabs after the ARIA Authoring Practices: the active one is in the tab order, arrow keys reach the others.
+// Tabs as described in the ARIA Authoring Practices: the active one is in the tab order, arrow keys reach the others.
 
 export function tabs(list: HTMLElement): void {
   const all = [...list.querySelectorAll<HTMLElement>("[role=tab]")];

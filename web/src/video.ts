@@ -1,4 +1,4 @@
-// H.264 by the browser's decoder, which exists in secure contexts only: over https, or on the local machine.
+// Decodes H.264 with the browser's decoder, which exists only in secure contexts: over https, or on the local machine.
 
 import type { Image } from "../gen/steradian/v1/view_pb.ts";
 

@@ -41,7 +41,7 @@ struct Arguments {
     /// Time from the deadline to presentation, ms.
     #[arg(long, default_value_t = 33)]
     lead_ms: u64,
-    /// Time that each node adds to the sending of a message to all nodes, microseconds.
+    /// Time that each additional node adds to sending one message to all nodes, microseconds.
     #[arg(long, default_value_t = MEASURED_PER_NODE_NS / 1_000)]
     per_node_us: u64,
     /// Largest error of a disciplined clock, ms.
@@ -50,7 +50,7 @@ struct Arguments {
     /// Simulated time, s.
     #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u64).range(10..=3600))]
     seconds: u64,
-    /// Number of kills of nodes; each is absent for half a second.
+    /// Number of times that a node is killed; each time it is absent for half a second.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(0..=1000))]
     kills: u64,
     #[arg(long, default_value_t = 1)]
@@ -120,10 +120,10 @@ fn row(figures: &Figures) -> String {
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     if !(0.0..=0.5).contains(&arguments.loss) {
-        return Err(format!("--loss {}: must be 0 to 0.5", arguments.loss).into());
+        return Err(format!("--loss {}: must be between 0 and 0.5", arguments.loss).into());
     }
     if !(0.0..=1e4).contains(&arguments.draw_ms) || !(0.0..=1e3).contains(&arguments.clock_error_ms) {
-        return Err("--draw-ms must be 0 to 10000, --clock-error-ms 0 to 1000".into());
+        return Err("--draw-ms must be between 0 and 10000, --clock-error-ms between 0 and 1000".into());
     }
     let mut violations = 0;
     println!("{HEAD}");
@@ -156,7 +156,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // If standard error is closed too, the exit code still reports the failure.
+            // Even if standard error is closed, the exit code reports the failure.
             match writeln!(std::io::stderr(), "error: {error}") {
                 Ok(()) | Err(_) => ExitCode::FAILURE,
             }

@@ -4,7 +4,7 @@
 //! Atomic Time (TAI), which the caller passes in if the offset of TAI is set and the clock is disciplined to a millisecond. If a clock is set, its
 //! offset from the monotonic clock changes; the clock is then distrusted for [`SETTLE_NS`].
 
-/// If the offset between both clocks changes by more than this, the clock was set (a step), ns.
+/// If the offset between the two clocks changes by more than this, the clock was set (a step), ns.
 pub const STEP_NS: u64 = 1_000_000;
 /// Rate by which two clocks of one machine may drift apart: one part in this number (500 ppm, the limit of NTP).
 const DRIFT: u64 = 2_000;
@@ -21,7 +21,7 @@ pub struct Now {
 }
 
 impl Now {
-    /// A time without a shared clock.
+    /// Creates a monotonic time without a TAI.
     pub fn monotonic(monotonic_ns: u64) -> Self {
         Self { monotonic_ns, tai_ns: None }
     }
@@ -42,7 +42,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Takes note of the time of an event, and detects a step of the clock.
+    /// Records the time of an event, and detects whether the clock was set.
     pub fn observe(&mut self, now: Now) {
         self.now_ns = self.now_ns.max(now.monotonic_ns);
         self.is_disciplined = now.tai_ns.is_some();

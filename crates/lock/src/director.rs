@@ -16,20 +16,21 @@
 //!
 //! # Why two directors cannot both commit
 //!
-//! Claim: if f of epoch d and g of a later epoch e are both committed, f is presented at least two periods before g, whatever else the directors do,
-//! whichever messages are lost, delayed, repeated or reordered, and whichever processes hang or restart. So the times of presentation put all frames
-//! in one order, and no two directors advance at the same time.
+//! Claim: if frame f of epoch d and frame g of a later epoch e are both committed, f is presented at least two periods before g, whatever else the
+//! directors do, whichever messages are lost, delayed, repeated or reordered, and whichever processes hang or restart. So the times of presentation
+//! put all frames in one order, and no two directors advance at the same time.
 //!
-//! 1. A node votes (READY) only in the epoch that it has promised, and promises only higher ones. It remembers the promise on disk before it votes.
+//! 1. A node votes (READY) only in the epoch that it has promised, and it promises only higher epochs than that one. It remembers the promise on disk
+//!    before it votes.
 //! 2. A COMMIT needs votes of more than half of the configured nodes, so some node n voted for both, for f before g.
 //! 3. The director of e counts n only when it is *in*, after READY for three earlier frames of e. Let r be the first of them. STATE(f) was sent
 //!    before n's vote for f, thus before n's vote for r, which counts only within a period of the tick of r: tick(f) < tick(r) + period.
 //! 4. tick(g) ≥ tick(r) + 3 periods, so tick(f) < tick(g) - 2 periods.
 //! 5. `present_at` is the tick plus a constant, which is equal for both because directors refuse nodes with another configuration. ∎
 //!
-//! Without a trusted clock a node shows f on receipt, at most one period after its vote, which was counted within a period of the tick: before
-//! tick(f) + 2 periods < tick(g), and g is committed after its tick. The clocks of both directors differ by at most twice the error of a disciplined
-//! clock, which the two periods cover.
+//! Without a trusted clock, a node shows f on receipt, at most one period after its vote. The vote was counted within a period of the tick. Therefore
+//! f is shown before tick(f) + 2 periods < tick(g), and g is committed after tick(g). The clocks of both directors differ by at most twice the error
+//! of a disciplined clock, which the two periods cover.
 //!
 //! Before a director sends any message of its epoch, it raises the epoch above those of more than half of the nodes. So a director that does not have
 //! more than half of the nodes never disturbs another one. Which process starts a director, and when, is decided outside of this crate.
@@ -51,7 +52,7 @@ const COPIES: u64 = 2;
 /// On TCP, a copy reveals the loss of the first one. A node does not show a frame whose copy arrives more than a period after its READY.
 const COPY_ON_RECEIPT_NS: u64 = 1_000_000;
 /// Number of times that a STATE is sent again before its deadline, to nodes whose READY has not arrived. A node that is READY answers again, so a
-/// copy repairs the loss of either message. On TCP, the acknowledgement of the second copy reveals the loss of the first one long before its
+/// copy repairs the loss of a STATE or of a READY. On TCP, the acknowledgement of the second copy reveals the loss of the first one long before its
 /// time-out.
 const STATE_COPIES: u64 = 2;
 
@@ -124,11 +125,11 @@ pub struct Counts {
     pub committed: u64,
     /// Commits without a time of presentation, because a clock is not trusted.
     pub committed_on_receipt: u64,
-    /// Frames skipped as [`SkipReason::Starting`].
+    /// Frames that were skipped for the reason [`SkipReason::Starting`].
     pub skipped_starting: u64,
-    /// Frames skipped as [`SkipReason::Quorum`].
+    /// Frames that were skipped for the reason [`SkipReason::Quorum`].
     pub skipped_quorum: u64,
-    /// Frames skipped as [`SkipReason::Deadline`].
+    /// Frames that were skipped for the reason [`SkipReason::Deadline`].
     pub skipped_deadline: u64,
     /// Frames without a cue at the deadline.
     pub not_composed: u64,
@@ -140,7 +141,7 @@ pub struct Counts {
     pub refused: u64,
     /// Number of times that a node was left out.
     pub out: u64,
-    /// Number of times that a node was taken in.
+    /// Number of times that a node began to take part.
     pub taken_in: u64,
 }
 
@@ -162,7 +163,7 @@ struct Open {
     state_copies: u64,
     has_verdict: bool,
     ready: Mask,
-    /// The nodes among these that have no trusted clock.
+    /// Those of the nodes in `ready` that have no trusted clock.
     without_clock: Mask,
 }
 
@@ -247,7 +248,7 @@ impl Director {
         (0..self.rules.nodes).map(NodeId)
     }
 
-    /// Takes in a message. `from` is the node that the network layer has authenticated.
+    /// Processes a message. `from` is the node that the network layer has authenticated.
     pub fn hear(&mut self, now: Now, from: NodeId, message: ToDirector) {
         self.clock.observe(now);
         if self.phase == Phase::Deposed {
@@ -358,7 +359,7 @@ impl Director {
         self.actions = vec![Action::Deposed { by }];
     }
 
-    /// Passes in the cue that [`Action::Compose`] asked for. It is ignored if it belongs to another frame or comes after the deadline.
+    /// Receives the cue that [`Action::Compose`] requested. The cue is ignored if it belongs to another frame or comes after the deadline.
     pub fn composed(&mut self, now: Now, id: FrameId, cue: Cue) {
         self.clock.observe(now);
         let commit = self.last_commit;
@@ -392,7 +393,7 @@ impl Director {
         std::mem::take(&mut self.actions)
     }
 
-    /// Monotonic time of the next call of [`Self::act`], ns; `None`: only after a message.
+    /// Monotonic time at which [`Self::act`] must next be called, ns; `None`: call it only after a message.
     pub fn wake_at(&self) -> Option<u64> {
         match self.phase {
             Phase::Gathering => self.since_ns.map(|since_ns| since_ns + self.rules.gather_ns),
@@ -525,7 +526,7 @@ impl Director {
         }
     }
 
-    /// Counts for each node whether it was READY for the frame that ends, and moves nodes in and out.
+    /// Counts for each node whether it was READY for the frame that ends, and decides which nodes take part.
     fn close(&mut self, now: Now, open: &Open) {
         if open.state.is_none() {
             return;

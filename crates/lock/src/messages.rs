@@ -1,7 +1,7 @@
-//! Messages between director and nodes. A director listens, nodes connect to it, and every node receives every message to all.
+//! Messages between director and nodes. A director listens, nodes connect to it, and a message to all nodes reaches every node.
 //!
-//! Data that only later parts of the cluster read are blocks of bytes with a type: a [`Cue`] holds the inputs for drawing (revision and hash of
-//! the scene, time, camera, exposure, quality, overlays), a [`Report`] the results (sums per group, statistics).
+//! Data that the lock does not interpret are typed blocks of bytes: a [`Cue`] holds the inputs for drawing (revision and hash of the scene, time,
+//! camera, exposure, quality, overlays), a [`Report`] the results (sums per group, statistics).
 
 use std::{error::Error, fmt, sync::Arc};
 
@@ -29,7 +29,7 @@ impl Epoch {
     pub const NONE: Self = Self { counter: 0, run: 0 };
 }
 
-/// A frame of an epoch. Newer frames are greater, across epochs too.
+/// A frame of an epoch. Newer frames are greater, even if their epochs differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FrameId {
     /// The reign.
@@ -47,7 +47,7 @@ impl Mask {
         (usize::from(node.0 / 64), 1 << (node.0 % 64))
     }
 
-    /// Adds a node. A number of [`MAX_NODES`] or more is never in a mask.
+    /// Adds a node. Nodes with a number of [`MAX_NODES`] or more are ignored.
     pub fn insert(&mut self, node: NodeId) {
         let (word, bit) = Self::place(node);
         if let Some(word) = self.0.get_mut(word) {
@@ -121,7 +121,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// The first difference between a node and its director that forbids drawing together; `None`: the node may join.
+    /// Returns the first difference because of which a node must not draw together with its director; `None`: the node may join.
     pub fn difference(&self, node: &Self) -> Option<Refusal> {
         if self.protocol != node.protocol {
             return Some(Refusal::Protocol { director: self.protocol, node: node.protocol });
@@ -173,12 +173,12 @@ impl fmt::Display for Refusal {
 pub struct Cue(Arc<[u8]>);
 
 impl Cue {
-    /// With the other fields, a STATE has at most 4 kB.
+    /// With a cue of this size, a STATE has at most 4 kB.
     pub const MAX_BYTES: usize = 4096 - 128;
 
     /// # Errors
     ///
-    /// More than [`Cue::MAX_BYTES`].
+    /// There are more than [`Cue::MAX_BYTES`] bytes.
     pub fn new(bytes: &[u8]) -> Result<Self, CueTooLong> {
         if bytes.len() > Self::MAX_BYTES { Err(CueTooLong(bytes.len())) } else { Ok(Self(bytes.into())) }
     }
@@ -208,7 +208,7 @@ pub struct Report(pub Arc<[u8]>);
 /// A node introduces itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hello {
-    /// Random number of the node's process: another one means that the node has started again.
+    /// Random number of the node's process: a different number means that the node was restarted.
     pub run: u64,
     /// The greatest epoch in which this node has promised to vote.
     pub promised: Epoch,

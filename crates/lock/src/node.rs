@@ -208,7 +208,7 @@ impl Node {
         self.hello_ns = now.monotonic_ns;
     }
 
-    /// Takes in a message. Drain the whole queue before [`Self::act`]: only the newest state counts.
+    /// Processes a message. Drain the whole queue before [`Self::act`]: only the newest state counts.
     pub fn hear(&mut self, now: Now, message: ToNode) {
         self.clock.observe(now);
         let epoch = match &message {
@@ -386,7 +386,7 @@ impl Node {
         std::mem::take(&mut self.actions)
     }
 
-    /// Monotonic time of the next call of [`Self::act`], ns.
+    /// Monotonic time at which [`Self::act`] must next be called, ns.
     pub fn wake_at(&self) -> u64 {
         let pictures = self.pictures.iter().map(|picture| match picture.fate {
             Fate::Waiting => picture.ready_ns + self.waiting_limit_ns(),

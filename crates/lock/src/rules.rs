@@ -4,7 +4,8 @@ use std::{error::Error, fmt};
 
 use crate::messages::MAX_NODES;
 
-/// Frames in a row with READY after which a node takes part again, from the next frame on. The proof in [`crate::director`] needs at least 3.
+/// Number of consecutive frames with READY after which a node takes part again, beginning with the next frame. The proof in [`crate::director`] needs
+/// at least 3.
 pub const READY_UNTIL_IN: u8 = 3;
 
 /// Policy at the deadline of a frame if a node that takes part is not READY.
@@ -16,7 +17,7 @@ pub enum Policy {
     Apart,
 }
 
-/// Times in nanoseconds, all of monotonic clocks.
+/// All times are in nanoseconds of monotonic clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rules {
     /// Number of configured nodes. More than half of them must be READY for a COMMIT.
@@ -29,12 +30,12 @@ pub struct Rules {
     pub lead_ns: u64,
     /// Policy at the deadline.
     pub policy: Policy,
-    /// Frames in a row without READY after which a node is left out, at least 1.
+    /// Number of consecutive frames without READY after which a node is left out, at least 1.
     pub misses_until_out: u8,
     /// Time for which a director waits for all nodes before it starts with more than half of them.
     pub gather_ns: u64,
-    /// Time for which a started director skips frames until all nodes are READY, before it starts with more than half of them. Nodes that compute
-    /// tables before their first frame need a long time.
+    /// Time for which a started director skips frames until all nodes are READY, before it starts with more than half of them. It must be long if
+    /// nodes compute tables before their first frame.
     pub start_ns: u64,
     /// Time between two HELLO messages of a node.
     pub hello_ns: u64,
@@ -109,7 +110,7 @@ impl Rules {
         self.deadline_ns + self.lead_ns
     }
 
-    /// Pictures that a node keeps besides the one that it shows: those that wait for a verdict or for their time, and one to draw into.
+    /// Number of pictures that a node keeps besides the one that it shows: those that wait for a verdict or for their time, and one to draw into.
     pub fn pictures(&self) -> usize {
         usize::try_from(self.ahead_ns().div_ceil(self.period_ns)).unwrap_or(usize::MAX).saturating_add(1)
     }
@@ -136,8 +137,8 @@ pub enum RulesError {
 impl fmt::Display for RulesError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Nodes(nodes) => write!(f, "{nodes} nodes: must be 1 to {MAX_NODES}"),
-            Self::Hertz(hertz) => write!(f, "{hertz} frames per second: must be 1 to 1000"),
+            Self::Nodes(nodes) => write!(f, "{nodes} nodes: must be between 1 and {MAX_NODES}"),
+            Self::Hertz(hertz) => write!(f, "{hertz} frames per second: must be between 1 and 1000"),
             Self::Deadline { deadline_ns, period_ns } => {
                 write!(f, "a deadline of {deadline_ns} ns: must be above 0 and at most the period, {period_ns} ns")
             }

@@ -1,9 +1,9 @@
-//! Content that takes long to make, kept on disk between runs: synthetic stars, tables of projectors, atlases of asteroids.
+//! Content that takes a long time to make, kept on disk between runs: synthetic stars, tables of projectors, atlases of asteroids.
 //!
 //! An entry is one file. Its name and its header hold a SHA-256 of the part of the program that makes it, of that part's version and of all inputs.
-//! So an entry is used only if making the content again would give the same. A damaged entry is made anew. Several programs may share a folder: a
-//! file appears only when it is complete, and a file that another program has removed counts as absent. When all entries together exceed the size
-//! limit, those that were not used for the longest time are removed.
+//! So an entry is used only if making the content again would give the same. If an entry is damaged, its content is made again. Several programs may
+//! share a folder: a file appears only when it is complete, and a file that another program has removed counts as absent. When all entries together
+//! exceed the size limit, those that were not used for the longest time are removed.
 //!
 //! The program sets its cache at the start ([`set_for_process`]). Without one nothing is kept; the results are the same.
 
@@ -39,7 +39,7 @@ pub fn set_for_process(cache: Option<Cache>) {
     *OF_PROCESS.write().unwrap_or_else(PoisonError::into_inner) = cache.map(Arc::new);
 }
 
-/// Returns the content for these inputs: from the cache of the process, or made now and then kept. See [`Cache::kept_or_made`].
+/// Returns the content for these inputs: reads it from the cache of the process, or makes it now and keeps it. See [`Cache::kept_or_made`].
 ///
 /// # Errors
 ///
@@ -62,7 +62,7 @@ pub fn kept_or_made<T, E>(
 pub struct Part {
     /// Name in lower-case letters and hyphens. It is the first part of the names of files.
     pub name: &'static str,
-    /// Increase it whenever the same inputs make other content.
+    /// Increase it whenever the same inputs give other content than before.
     pub version: u32,
 }
 
@@ -132,8 +132,8 @@ struct Header {
 const _: () = assert!(cfg!(target_endian = "little"), "entries are little-endian and read without conversion");
 
 impl Cache {
-    /// Returns the content that a part makes from these inputs: an entry of the cache, or made now and then kept. Problems with files are
-    /// logged and do not change the result.
+    /// Returns the content that a part makes from these inputs: reads it from the cache, or makes it now and keeps it. Problems with files are logged
+    /// and do not change the result.
     ///
     /// # Errors
     ///
@@ -399,7 +399,7 @@ mod tests {
         assert!(of(4));
         assert!(!of(1) && !of(3) && !of(4));
         assert!(of(2), "it was removed");
-        // Content beyond half the limit is not kept.
+        // Content larger than half the limit is not kept.
         assert!(content(&cache, PART, &[b"large"], &[0; 400]).1);
         assert!(content(&cache, PART, &[b"large"], &[0; 400]).1);
         let removed = cache.clear().unwrap();

@@ -1,7 +1,7 @@
 //! Dates, and the moments that a scene may have.
 //!
-//! Dates are of the Gregorian calendar, also before its introduction in 1582 (proleptic, as in ISO 8601), or on request of the Julian
-//! calendar. Years are astronomical: the year before 1 is 0, and -566 is 567 BC. Days have 86,400 s.
+//! Dates are of the Gregorian calendar, even before its introduction in 1582 (proleptic, as in ISO 8601), or on request of the Julian calendar. Years
+//! are astronomical: the year before 1 is 0, and -566 is 567 BC. Days have 86,400 s.
 
 use crate::units::{DAY_S, J2000_JD};
 
@@ -20,9 +20,9 @@ const DAY_US: i64 = 86_400_000_000;
 pub const FORMS: &str = "2026-01-01T00:00:00Z, -0567-07-04T12:00:00Z or +10000-01-01T00:00:00Z (Gregorian calendar, year 0 is 1 BC), 1133-08-02T12:00:00Z julian, JD 2451545.0, or MJD 51544.5";
 /// Julian date at which modified Julian dates begin (2,400,000.5), without the half day.
 const MJD_DAYS: f64 = 2_400_000.0;
-/// Julian dates in the years -4713 to -4439, whose numbers are also those of modified Julian dates in the years 1858 to 2132.
+/// Julian dates in the years -4713 to -4439. The same numbers are modified Julian dates in the years 1858 to 2132.
 const LIKE_MJD: std::ops::Range<f64> = 0.0..100_000.0;
-/// Modified Julian dates in the years 8429 to 8703, whose numbers are also those of Julian dates in the years 1858 to 2132.
+/// Modified Julian dates in the years 8429 to 8703. The same numbers are Julian dates in the years 1858 to 2132.
 const LIKE_JD: std::ops::Range<f64> = 2_400_000.0..2_500_000.0;
 
 const fn new_year_s(year: i64) -> f64 {
@@ -92,7 +92,7 @@ fn gregorian_date(days: i64) -> [i64; 3] {
     [era * 400 + year_of_era + i64::from(month <= 2), month, day]
 }
 
-/// Name of the calendar that applies to dates that name none.
+/// Name of the calendar that applies to dates without the name of a calendar.
 const GREGORIAN: &str = "gregorian";
 /// Name of the calendar that was used before 1582.
 const JULIAN: &str = "julian";
@@ -168,14 +168,14 @@ pub fn check(time_s: f64) -> Result<f64, String> {
     Err(format!("{}: must be in the years {from} to {to}, for which ephemerides are computed", written(time_s)))
 }
 
-/// Reads a moment, s since 2000-01-01T12:00:00Z. The forms are those of RFC 3339 with years of any length, which need a sign unless they have four or
-/// five digits; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC, or `MJD` with a modified
-/// one. The case of letters does not matter. A 60th second is the first of the next minute.
+/// Reads a moment, s since 2000-01-01T12:00:00Z. The text has one of these forms: that of RFC 3339 with years of any length, which need a sign unless
+/// they have four or five digits; the same, followed by `julian` (the calendar before 1582) or `gregorian`; `JD` and a Julian date of UTC; or `MJD`
+/// and a modified Julian date. The case of letters does not matter. Second 60 is the first second of the next minute.
 ///
 /// # Errors
 ///
-/// The text has another form, its date or time does not exist, [`check`] refuses it, or it is a Julian date from 0 to 100,000, which was most likely
-/// meant as a modified one, or a modified one from 2,400,000 to 2,500,000, which was most likely meant as a Julian date.
+/// The text has another form, its date or time does not exist, or [`check`] refuses it. Two more errors are probable confusions: a Julian date from 0
+/// to 100,000 was most likely meant as a modified one, and a modified one from 2,400,000 to 2,500,000 was most likely meant as a Julian date.
 pub fn moment(text: &str) -> Result<f64, String> {
     let text = text.trim();
     let after = |prefix: &str| {

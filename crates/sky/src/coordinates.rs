@@ -2,7 +2,7 @@
 //!
 //! The world frame is ICRS: x to right ascension 0, z to the north celestial pole. The galactic frame has x to
 //! galactic longitude 0 (towards the galactic centre), y to longitude 90 degrees, z to the north galactic pole.
-//! Longitude and latitude also mean right ascension and declination; both are radians.
+//! Longitude and latitude may also be right ascension and declination; all angles are in radians.
 
 use glam::{DMat3, DVec3};
 

@@ -25,7 +25,7 @@ thread_local! {
 }
 
 /// Runs `read` and returns its result with the files that it opened on this thread, each once, in order. This includes
-/// files that other files refer to, which only their readers know. The files of a nested call are not included in those
+/// files to which other files refer; only their readers know them. The files of a nested call are not included in those
 /// of the outer call.
 pub fn reading<T>(read: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
     let outer = OPENED.replace(Some(Vec::new()));
@@ -148,7 +148,7 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether two paths lead to one existing file: through links, too.
+/// Whether two paths lead to the same existing file, even through links.
 pub fn is_same_file(first: &Path, second: &Path) -> bool {
     let (Ok(first_metadata), Ok(second_metadata)) = (fs::metadata(first), fs::metadata(second)) else { return false };
     match (platform::identity(&first_metadata), platform::identity(&second_metadata)) {

@@ -52,7 +52,7 @@ impl Header {
     /// Reads the next header of a file; `None` at its end. Bytes after the last unit that do not fill a block are ignored.
     ///
     /// # Errors
-    /// Reading fails, or (inside) the header is not valid.
+    /// Reading fails, which is the outer error; or the header is not valid, which is the inner error.
     pub fn next(source: &mut impl Read) -> io::Result<Option<Result<Self, String>>> {
         let mut bytes = Vec::new();
         loop {

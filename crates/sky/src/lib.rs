@@ -1,7 +1,7 @@
 //! The sky without a GPU: star catalogues and stores, ephemerides of the Solar System, observers on the Earth, and photometry.
 //!
-//! For programs that need positions, magnitudes or catalogues and draw nothing. Positions are f64 in ICRS axes, lengths in metres or parsecs,
-//! angles in radians, illuminance in lux, luminance in cd/m²; names carry their unit.
+//! This crate is for programs that need positions, magnitudes or catalogues but draw nothing. Positions are f64 in ICRS axes, lengths in metres or
+//! parsecs, angles in radians, illuminance in lux, luminance in cd/m²; names carry their unit.
 //!
 //! ```
 //! use steradian_sky::{catalogue::bright::bright_stars, units::illuminance_lx_from_magnitude};

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Least size, bytes.
 const LEAST_BYTES: f64 = 67_108_864.0;
-/// Sizes from this one on are rejected as mistakes, bytes.
+/// Sizes of this number of bytes or more are rejected as mistakes.
 const MOST_BYTES: f64 = 1e18;
 /// Units and their powers of two, the largest last.
 const UNITS: [(&str, i32); 4] = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)];

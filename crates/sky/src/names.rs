@@ -1,6 +1,6 @@
 //! Names of enum values, as in configurations, messages and tables.
 
-/// Gives an enum without fields the constant `ALL` and the methods `name` and `from_name`. Lists every value once, in the order of `ALL`:
+/// Gives an enum without fields the constant `ALL` and the methods `name` and `from_name`. A call lists every value once, in the order of `ALL`:
 ///
 /// ```ignore
 /// named!(ReflectionLaw { Lambert = "lambert", LommelSeeliger = "lommel_seeliger" });

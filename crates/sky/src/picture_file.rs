@@ -23,7 +23,7 @@ pub struct PictureFile {
     pub has_alpha: bool,
 }
 
-/// Errors of reading a picture. `wanted` describes a valid picture.
+/// Errors from reading a picture. `wanted` describes a valid picture.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
@@ -78,7 +78,7 @@ impl PictureFile {
         Self::from_reader(path, Cursor::new(bytes), wanted)
     }
 
-    /// Width and height from the header of a PNG; `None`: it has none.
+    /// Width and height from the header of a PNG; `None` if the header cannot be read.
     pub fn size_of(bytes: &[u8]) -> Option<[u32; 2]> {
         let mut decoder = png::Decoder::new(Cursor::new(bytes));
         decoder.read_header_info().ok().map(|header| [header.width, header.height])

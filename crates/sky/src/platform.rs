@@ -44,7 +44,7 @@ pub(crate) fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::
     }
 }
 
-/// The numbers that identify a file to the system, whatever its names are: all hard links to a file have the same numbers. `None` on systems for
+/// The numbers that identify a file to the system, independent of its names: all hard links to a file have the same numbers. `None` on systems for
 /// which the standard library does not provide them.
 pub(crate) fn identity(metadata: &Metadata) -> Option<[u64; 2]> {
     #[cfg(unix)]

@@ -32,9 +32,9 @@ pub struct Range {
     pub least: Option<f64>,
     /// Whether the lower bound itself is excluded.
     pub above: bool,
-    /// Upper bound; `None`: there is none. Infinities are refused all the same.
+    /// Upper bound; `None`: there is none. Infinities are refused in any case.
     pub most: Option<f64>,
-    /// Unit for messages; empty if the key says it.
+    /// Unit for messages; empty if the name of the key states it.
     pub unit: String,
     /// Further condition for messages, such as `a power of two`; empty if there is none.
     pub also: String,
@@ -151,7 +151,7 @@ fn is_integer(kind: &Schema) -> bool {
     kind == "integer" || kind.as_array().is_some_and(|kinds| kinds.iter().any(|kind| kind == "integer"))
 }
 
-/// Moves bounds that are written at a list to its elements, and writes bounds of integers as integers.
+/// Moves the bounds of a list to its elements, and writes bounds of integers as integers.
 fn normalise(schema: &mut Schema) {
     match schema {
         Schema::Array(values) => values.iter_mut().for_each(normalise),
@@ -191,7 +191,7 @@ pub fn check<T: JsonSchema + 'static>(value: &Value) -> Result<(), KeyError> {
 }
 
 fn walk(schema: &Schema, value: &Value, path: &str) -> Result<(), KeyError> {
-    // For an optional value, or one of several forms: the form that fits the value.
+    // If the schema allows several forms, or no value, check the form that fits the value.
     for forms in ["oneOf", "anyOf"] {
         if let Some(forms) = schema.get(forms).and_then(Schema::as_array)
             && let Some(form) = forms.iter().find(|form| fits(form, value))
@@ -315,12 +315,12 @@ pub trait KeyEffects: Sized {
     /// Their partial form.
     type Keys: PartialSettings;
 
-    /// These settings, with the keys that `keys` gives replaced.
+    /// Returns these settings with the values that `keys` gives.
     #[must_use]
     fn with_keys(&self, keys: &Self::Keys) -> Self;
 
-    /// Reason why a key has no effect in these settings: the present value that prevents it, and a value with which it has one. `None` if the key has
-    /// an effect.
+    /// Reason why a key has no effect in these settings: the present value that prevents it, and a value with which the key has an effect. `None` if
+    /// the key has an effect.
     fn obstacle(&self, key: &str) -> Option<Obstacle>;
 
     /// Names of the given keys that have no effect after they have been applied to these settings.
@@ -397,7 +397,7 @@ macro_rules! settings {
         }
 
         impl $name {
-            /// These settings, with the keys that `keys` gives replaced.
+            /// Returns these settings with the values that `keys` gives.
             #[must_use]
             pub fn with(&self, keys: &$keys) -> Self {
                 Self {

@@ -89,7 +89,7 @@ impl Motion {
         if along >= 0.0 {
             return (1.0 + along, length);
         }
-        // sin^2 / (1 - cos) has no cancellation behind.
+        // sin^2 / (1 - cos) has no cancellation for directions behind the observer.
         let across = place / length - self.direction * along;
         (across.length_squared() / (1.0 - along), length)
     }
@@ -127,7 +127,7 @@ impl Motion {
     pub fn doppler_range(&self, axis: DVec3, half_angle_rad: f64) -> [f64; 2] {
         let middle = axis.angle_between(self.direction);
         [(middle + half_angle_rad).min(std::f64::consts::PI), (middle - half_angle_rad).max(0.0)].map(|angle| {
-            // 1 + cos a = 2 cos^2(a/2) keeps its digits behind.
+            // 1 + cos a = 2 cos^2(a/2) keeps its digits for directions behind the observer.
             self.doppler_behind() + self.gamma() * self.beta * 2.0 * (angle / 2.0).cos().powi(2)
         })
     }
@@ -159,8 +159,8 @@ mod tests {
     }
 
     /// Illuminance of a star in the observer's frame divided by that in its rest frame, by another method. It
-    /// integrates over frequency, uses that spectral radiance over frequency cubed is invariant, and includes the
-    /// change of the solid angle.
+    /// integrates over frequency, uses the fact that spectral radiance divided by the cube of frequency is invariant,
+    /// and includes the change of the solid angle.
     fn integrated_factor(temperature_k: f64, doppler: f64) -> f64 {
         let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);
         // Per frequency, W s/(m^2 sr).

@@ -34,7 +34,7 @@ pub struct TexelPlace {
 }
 
 impl SkyPictures {
-    /// The smallest faces with texels of at most this size, rad. Their side is limited, to a length that no adapter
+    /// The smallest faces with texels of at most this size, rad. Their side is limited to a length that no adapter
     /// supports.
     pub fn of_texels(texel_rad: f64) -> Self {
         Self { side: 2 * ((CORNER_RAD / texel_rad).ceil() + MARGIN_TEXELS).min(MOST_HALF_SIDE) as u32 }
@@ -115,7 +115,7 @@ mod tests {
                 assert_eq!(nearest, index);
                 assert!((share - share.round()).length() < 1e-6, "{index}: {share}");
             }
-            // Two of five: the faces are squares around the cube's corners.
+            // Two of five texels are tested: the faces are squares around the cube's corners.
             assert!(found > pictures.texels() as usize / 7 / 3, "{found}");
         }
     }

@@ -1,5 +1,6 @@
 //! The bodies of the Solar System by name. Their properties are in the modules that use them: sizes and surfaces in
-//! `scene::bodies`, positions and rotation in `ephemeris`, brightness against phase in `photometry::phase_curve`.
+//! `scene::bodies`, positions and rotation in `ephemeris`, brightness as a function of phase in
+//! `photometry::phase_curve`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,10 +1,10 @@
-//! Channels of OpenEXR files.
+//! Reads the channels of OpenEXR files.
 
 use std::io::Cursor;
 
 use exr::prelude::{ReadChannels, ReadLayers};
 
-/// The values of channels, each by its name.
+/// Returns the values of the named channels.
 pub fn channels<const N: usize>(bytes: &[u8], names: [&str; N]) -> [Vec<f32>; N] {
     let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
     let image = read.all_attributes().from_buffered(Cursor::new(bytes)).unwrap();

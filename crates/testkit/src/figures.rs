@@ -1,8 +1,8 @@
 //! The figures of the table *Measured* in `README.md`, each with the bound that a test asserts.
 //!
-//! A test asserts through the constant: `figures::CENTROID.check(value)`, or [`Figure::worst`] for many values. Both
-//! print the measured value and fail above the bound; NaN fails. `tests/program/measured.rs` compares the table with
-//! this one and with the sources of the tests, so a figure has one row, one bound and a test that uses it.
+//! A test asserts a figure by its constant: `figures::CENTROID.check(value)`, or [`Figure::worst`] for many values.
+//! Both print the measured value and fail above the bound; NaN fails. `tests/program/measured.rs` compares the table
+//! with this one and with the sources of the tests, so a figure has one row, one bound and a test that uses it.
 //!
 //! Figures are measured on the software driver (llvmpipe, Mesa 25.0.7). A bound is about four times the figure: it
 //! tolerates changes by rounding and still detects faults. A bound outside of two to six times the figure has a note
@@ -10,7 +10,7 @@
 
 use std::fmt;
 
-/// A figure of the README.
+/// A measured figure in the README.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {
     /// Name of the constant, which tests use.
@@ -21,9 +21,9 @@ pub struct Figure {
     pub measured: f64,
     /// Largest allowed value.
     pub bound: f64,
-    /// Test that asserts it, by binary, modules and function: the third column.
+    /// Path of the test that asserts it (binary, modules and function): the third column.
     pub test: &'static str,
-    /// Reason why the bound is not two to six times the figure; empty if it is.
+    /// Reason why the bound is not between two and six times the figure; empty if it is.
     pub note: &'static str,
 }
 
@@ -76,7 +76,7 @@ figures! {
         4.9e-3, 1e-2, "headset::pixels::shared_light::glare_is_the_same_around_a_star_for_both_eyes";
     BODY_FLUX: "flux of a body from 0.01 to 100 pixels, relative",
         6.7e-3, 0.01, "gpu::bodies::light::a_body_has_its_illuminance_at_every_size",
-        "the contract's limit is 0.01, and bodies of a few pixels come near it";
+        "the contract's limit is 0.01, and the error of bodies a few pixels wide is close to it";
     VEIL_OF_ONE_STAR: "veil of one star (`sky_cube`) against f64, rms, relative",
         2.6e-3, 1e-2, "gpu::verify::glare::sky_cube_glare_passes_every_check";
     VEIL_OF_9000_STARS: "veil of 9000 stars (`sky_cube`) against f64, rms, relative",
@@ -91,12 +91,12 @@ impl Figure {
         worst.print();
     }
 
-    /// Starts to assert many values, of which the worst is printed.
+    /// Begins a check of many values: each is asserted, and the worst is printed.
     pub fn worst(self) -> Worst {
         Worst { figure: self, value: 0.0, of: String::new(), count: 0 }
     }
 
-    /// Whether the absolute value is within the bound. NaN is not.
+    /// Whether the absolute value is within the bound; false for NaN.
     pub fn holds(self, measured: f64) -> bool {
         measured.abs() <= self.bound
     }
@@ -122,7 +122,7 @@ impl Worst {
         }
     }
 
-    /// Prints the worst value. There must be at least one.
+    /// Prints the worst value. Fails if none was added.
     pub fn print(self) {
         let Self { figure: Figure { property, bound, measured, .. }, value, of, count } = self;
         assert!(count > 0, "{property}: nothing was measured");

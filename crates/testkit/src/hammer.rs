@@ -1,5 +1,5 @@
-//! The Hammer map of the whole sky, a mapping that the library does not have: equal areas in an ellipse, with a cut
-//! along the longitude behind the eye from pole to pole.
+//! The Hammer map of the whole sky, a mapping that the library does not have. It is an equal-area map in an ellipse.
+//! Its edge is the meridian behind the eye, from pole to pole.
 
 use std::f64::consts::{PI, SQRT_2};
 

@@ -15,7 +15,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Reads the recorded table.
+    /// Parses the recorded table.
     pub fn from_csv(text: &str) -> Result<Self, String> {
         let mut lines = text.lines();
         let driver =
@@ -32,7 +32,7 @@ impl Counts {
         Ok(Self { driver: driver.to_owned(), frames })
     }
 
-    /// Returns the table to record.
+    /// Formats the table for the file of recorded counts.
     pub fn to_csv(&self) -> String {
         let mut text = format!("# driver: {}\nframe,instructions\n", self.driver);
         for (name, count) in &self.frames {
@@ -47,8 +47,8 @@ impl Counts {
     }
 }
 
-/// Returns a line for everything that deserves attention: frames whose count has grown by more than
-/// [`REPORTED_GROWTH`], frames of one table only, counts of 0, or another driver.
+/// Returns a line for each problem: a frame whose count has grown by more than [`REPORTED_GROWTH`], a frame that only
+/// one of the tables has, a count of 0, or another driver.
 pub fn problems(recorded: &Counts, found: &Counts) -> Vec<String> {
     if recorded.driver != found.driver {
         return vec![format!("not compared: recorded with {}, now {}", recorded.driver, found.driver)];
@@ -70,7 +70,7 @@ pub fn problems(recorded: &Counts, found: &Counts) -> Vec<String> {
     lines
 }
 
-/// Reads a dump of callgrind: the name that the program gave it, and the number of instructions of all threads.
+/// Reads a dump of callgrind. Returns the name that the program gave it, and the number of instructions of all threads.
 pub fn read_dump(text: &str) -> Option<(String, u64)> {
     let name = text.lines().find_map(|line| line.strip_prefix("desc: Trigger: Client Request: "))?;
     let number = |prefix: &str| text.lines().find_map(|line| line.strip_prefix(prefix))?.trim().parse().ok();

@@ -43,7 +43,7 @@ pub fn renderer_with(options: &GpuOptions) -> Lent {
     POOL.lend(options)
 }
 
-/// Returns a renderer that has not drawn yet, for tests of the data that a frame leaves behind.
+/// Returns a renderer that has not drawn yet, for tests of the data that earlier frames leave in a renderer.
 pub fn new_renderer() -> Renderer {
     new_renderer_with(&GpuOptions::default())
 }
@@ -60,8 +60,8 @@ pub fn rig(kinds: Vec<(&str, ViewKind)>) -> Rig {
     Rig::new(kinds.into_iter().map(|(name, kind)| view(name, kind)).collect()).expect("a valid rig")
 }
 
-/// Keeps synthetic stars, tables and atlases between the tests of this executable, and its later runs: many tests use the same ones, which take seconds
-/// to make. Content of an older build is removed.
+/// Caches synthetic stars, tables and atlases for all tests of this executable and for its later runs, because many
+/// tests use the same ones, and making them takes seconds. Removes the cache of an older build.
 fn keep_made_content() {
     static BEGUN: Once = Once::new();
     BEGUN.call_once(|| {
@@ -78,7 +78,7 @@ fn keep_made_content() {
     });
 }
 
-/// Loads scene, views and settings of a file in `configs/` with overrides of keys.
+/// Loads a configuration from `configs/` with overrides of keys; returns its scene, views and settings.
 pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, RenderSettings) {
     keep_made_content();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(file);
@@ -94,7 +94,7 @@ pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, Render
     (scene, config.rig().expect("the views are valid"), config.render_settings())
 }
 
-/// Settings for stars only: glare, which takes light from them, is off.
+/// Returns settings without glare, which would take light from the stars.
 pub fn settings(method: StarMethod) -> RenderSettings {
     let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
     settings.stars.method = method;
@@ -108,7 +108,7 @@ pub fn render_hdr(renderer: &mut Renderer, snapshot: &SceneSnapshot, rig: &Rig, 
         .expect("the frame renders")
 }
 
-/// Returns the HDR image in the form of the metrics: solid angles come from f64, not from the shader.
+/// Returns the HDR image in the form that the metrics need. Solid angles are computed in f64, not by the shader.
 pub fn hdr_view<'a>(image: &'a FrameImage, mapping: &'a dyn PlaneMapping) -> HdrView<'a> {
     HdrView::new(mapping, image.hdr.as_ref().expect("HDR was requested")).expect("an image of light")
 }
@@ -124,14 +124,15 @@ pub fn total_illuminance_lx(frame: &Frame, rig: &Rig) -> f64 {
     frame.images.iter().zip(mappings).map(|(image, mapping)| illuminance_lx(image, mapping)).sum()
 }
 
-/// Largest difference of any channel between an image and that of the twin, relative to the brightest of the 3 x 3
-/// surrounding pixels: f32 coordinates shift a kernel by some 1e-5 pixel, and with it the small weights at its edge.
+/// Returns the largest difference of any channel between an image and that of the twin, relative to the brightest of
+/// the 3 x 3 surrounding pixels. A single pixel is not a good reference, because f32 coordinates shift a kernel by some
+/// 1e-5 pixel, which changes the small weights at its edge.
 pub fn difference_from_twin(image: &FrameImage, twin: &ReferenceImage, mapping: &dyn PlaneMapping) -> f64 {
     differences_from_twin(image, twin, mapping, 0.0, |rgb| rgb)
 }
 
-/// Largest differences of the quantities that `of` computes from linear RGB; `free_lx`, the rounding of the sums of a
-/// pixel, is allowed.
+/// Returns the largest difference of the quantities that `of` computes from linear RGB. A difference of `free_lx`, by
+/// which the sums of a pixel are rounded, is not counted.
 pub fn differences_from_twin<const N: usize>(
     image: &FrameImage,
     twin: &ReferenceImage,
@@ -148,7 +149,8 @@ pub fn differences_from_twin<const N: usize>(
             .map(|(x, y)| expected[(y * width + x) as usize][channel])
             .fold(0.0_f64, f64::max)
     };
-    // A star just outside of the picture contributes only the edge of its kernel: hence the second term.
+    // The reference includes a share of the image's brightest value, because a star just outside of the picture
+    // contributes only the edge of its kernel.
     let brightest = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
     let mut worst = 0.0_f64;
     for (index, pixel) in image.hdr.as_ref().expect("HDR was requested").iter().enumerate() {

@@ -1,5 +1,5 @@
-//! Renderers lent from a pool. With a software driver, opening a device and compiling pipelines takes longer than the
-//! drawing of most tests, so a test borrows an idle renderer with the same options that another test has returned.
+//! Renderers lent from a pool. With a software driver, opening a device and compiling pipelines takes longer than drawing in most tests, so a test
+//! borrows an idle renderer with the same options that another test has returned.
 //!
 //! A borrowed renderer has the settings of a new one. Its pictures also equal those of a new one, which is a guarantee
 //! of the renderer that tests check (`a_frame_does_not_depend_on_the_previous_frame` and others, with [`open`]); only its
@@ -17,19 +17,19 @@ use steradian::{
     render::Renderer,
 };
 
-/// Idle renderers, the one idle for longest first.
+/// Idle renderers; the first one has been idle for longest.
 pub struct Pool {
     idle: Mutex<VecDeque<(GpuOptions, Renderer)>>,
 }
 
 impl Pool {
-    #[allow(clippy::new_without_default, reason = "a pool is a static, and a constant cannot come from Default")]
+    #[allow(clippy::new_without_default, reason = "a static needs a const constructor, and Default is not const")]
     pub const fn new() -> Self {
         Self { idle: Mutex::new(VecDeque::new()) }
     }
 
-    /// Maximum number of idle renderers: one for each test that runs at a time. The number of borrowed renderers is not
-    /// limited, because tests that hold two could then wait for each other forever.
+    /// Maximum number of idle renderers: one for each test that runs at a time. The number of borrowed renderers is not limited: with a limit, tests
+    /// that hold two could wait for each other forever.
     pub fn max_idle() -> usize {
         thread::available_parallelism().map_or(1, usize::from)
     }
@@ -56,7 +56,7 @@ impl Pool {
         while idle.len() > Self::max_idle() {
             closed.extend(idle.pop_front());
         }
-        // Closing a device takes time, so release the lock of the pool first.
+        // Release the lock of the pool before closing renderers, which takes time.
         drop(idle);
         drop(closed);
     }
@@ -86,7 +86,7 @@ impl DerefMut for Lent {
 
 impl Drop for Lent {
     fn drop(&mut self) {
-        // After a failure the state of the device is unknown.
+        // After a failed test the state of the device is unknown, so do not return the renderer.
         if thread::panicking() {
             return;
         }
@@ -99,7 +99,7 @@ impl Drop for Lent {
     }
 }
 
-/// Opens a new renderer. `make test` ensures that there is an adapter; without one this fails.
+/// Opens a new renderer. Panics without an adapter; `make test` ensures that there is one.
 pub fn open(options: &GpuOptions) -> Renderer {
     Renderer::new(Gpu::open(options).expect("tests need a Vulkan adapter; `make test` installs the software one"))
 }

@@ -1,8 +1,8 @@
-//! SPK kernels written by tests.
+//! Writes SPK kernels for tests.
 
 use steradian::glam::DVec3;
 
-/// Words of 8 bytes in a record of a DAF file.
+/// Number of 8-byte words in a record of a DAF file.
 const RECORD_WORDS: usize = 128;
 
 /// A segment of type 2 (Chebyshev polynomials of the position): one record of degree 1.
@@ -10,9 +10,9 @@ pub struct Segment {
     pub target: i32,
     pub centre: i32,
     pub axes: i32,
-    /// Centre and half length of the covered time, TDB, s since J2000.0.
+    /// Centre (TDB, s since J2000.0) and half length (s) of the covered time.
     pub covered_s: [f64; 2],
-    /// Position at the centre of the time and its change to the end, km.
+    /// Position at the centre of the covered time, and its change until the end, km.
     pub place_km: [DVec3; 2],
 }
 

@@ -1,5 +1,5 @@
-//! A theatre with known directions: six projectors at the springline of a tilted dome, pinhole cameras without lens
-//! errors, and writers of the files that installers deliver for it in each format.
+//! A theatre with known directions: six projectors at the springline of a tilted dome, which are pinhole cameras
+//! without lens errors. Also writes the files that installers would deliver for it, in each format.
 //!
 //! Dome axes: +x right, +y towards the apex, -z forward; the eye is at the centre of the sphere. Positions on a raster
 //! are fractions of its width and height, from the top left.
@@ -11,7 +11,7 @@ use zip::write::SimpleFileOptions;
 
 /// Radius of the dome, m.
 pub const RADIUS_M: f64 = 8.0;
-/// Angle by which its apex leans to the front, degrees.
+/// Angle by which the apex of the dome leans to the front, degrees.
 pub const TILT_DEG: f64 = 20.0;
 
 /// A pinhole camera.
@@ -25,7 +25,7 @@ pub struct Projector {
     pub dome_from_projector: DMat3,
     /// Tangents of half the angles of view.
     pub half_tangents: DVec2,
-    /// Direction of the centre of its picture as seen by the eye, rad: to the right of the front, and upwards.
+    /// Direction from the eye to the centre of its picture: angle to the right of the front, and angle upwards, rad.
     pub yaw_pitch_rad: [f64; 2],
 }
 
@@ -75,7 +75,7 @@ impl Projector {
         self.point_m(x, y).normalize()
     }
 
-    /// Returns the raster position of a direction, if it is inside.
+    /// Returns the raster position of a direction, if the raster contains it.
     pub fn place(&self, direction: DVec3) -> Option<DVec2> {
         let ray = self.dome_from_projector.transpose() * (direction * RADIUS_M - self.place_m);
         let plane = ray.truncate() / -ray.z / self.half_tangents;
@@ -83,7 +83,7 @@ impl Projector {
         (ray.z < 0.0 && place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all()).then_some(place)
     }
 
-    /// Solid angle of a pixel in closed form, sr.
+    /// Returns the solid angle of a pixel, sr, from the closed form of the directions.
     pub fn pixel_sr(&self, x: u32, y: u32) -> f64 {
         let [width, height] = self.size_px.map(f64::from);
         let h = 1e-3;
@@ -93,27 +93,28 @@ impl Projector {
             / (4.0 * h * h)
     }
 
-    /// Angle of a pixel at the centre of the raster, rad.
+    /// Returns the width of a pixel at the centre of the raster, rad.
     pub fn pixel_rad(&self) -> f64 {
         let step = 1.0 / f64::from(self.size_px[0]);
         self.direction(0.5, 0.5).angle_between(self.direction(0.5 + step, 0.5))
     }
 
-    /// Rotation of its picture's frustum, as seen by the eye.
+    /// Returns the rotation of its picture's frustum, whose apex is the eye.
     fn frustum(&self) -> DMat3 {
         let [yaw, pitch] = self.yaw_pitch_rad;
         DMat3::from_rotation_y(-yaw) * DMat3::from_rotation_x(pitch)
     }
 
-    /// Returns the coordinates of a raster position in the picture of that frustum, [`FRUSTUM_DEG`] to each side: right
-    /// and upwards from 0 to 1.
+    /// Returns the coordinates of a raster position in the picture of that frustum, which extends [`FRUSTUM_DEG`] to
+    /// each side. They increase to the right and upwards from 0 to 1.
     pub fn in_frustum(&self, x: f64, y: f64) -> DVec2 {
         let local = self.frustum().transpose() * self.direction(x, y);
         let half = FRUSTUM_DEG.to_radians().tan();
         (local.truncate() / -local.z / half + 1.0) / 2.0
     }
 
-    /// Returns the coordinates in a fisheye of 180 degrees around the apex whose bottom is the front.
+    /// Returns the coordinates of a raster position in a fisheye of 180 degrees around the apex. The bottom of the
+    /// fisheye is the front.
     pub fn in_fisheye(&self, x: f64, y: f64) -> DVec2 {
         let direction = self.direction(x, y);
         let across = DVec2::new(direction.x, direction.z);
@@ -126,7 +127,7 @@ impl Projector {
 /// Half the angle of view of the frustums, degrees.
 pub const FRUSTUM_DEG: f64 = 78.0;
 
-/// Raster position of a sample at the centre of a cell.
+/// Returns the raster position of a sample at the centre of a cell.
 pub fn centre(i: usize, count: usize) -> f64 {
     (i as f64 + 0.5) / count as f64
 }
@@ -149,7 +150,7 @@ impl Pfm {
         Self { size: [columns, rows], little_endian: true, bottom_first: true }
     }
 
-    /// Encodes the file; `value` gets column and row from the top.
+    /// Encodes the file. `value` receives the column, and the row from the top.
     pub fn bytes(&self, value: impl Fn(usize, usize) -> [f64; 3]) -> Vec<u8> {
         let [columns, rows] = self.size;
         let mut bytes =
@@ -167,7 +168,7 @@ impl Pfm {
     }
 }
 
-/// Returns a ZIP archive of files.
+/// Packs files into a ZIP archive.
 pub fn zipped(files: &[(&str, Vec<u8>)], deflated: bool) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let method = if deflated { zip::CompressionMethod::Deflated } else { zip::CompressionMethod::Stored };
@@ -209,16 +210,16 @@ pub struct Mpcdi {
     pub version: &'static str,
     pub samples: [usize; 2],
     pub pfm: Pfm,
-    /// Text inside `geometryWarpFile` after the path.
+    /// Elements inside `geometryWarpFile` that follow the path.
     pub warp: String,
     /// Whether regions have frustums and coordinate frames.
     pub frame: bool,
-    /// Offset of the points, in the unit of the file.
+    /// Vector added to all points, in the unit of the file.
     pub shift: DVec3,
     /// Units per metre.
     pub per_metre: f64,
     pub masks: bool,
-    /// Alpha maps that share the light of the six projectors.
+    /// Alpha maps that divide the light among the six projectors.
     pub alpha: Option<Alpha>,
 }
 
@@ -231,13 +232,13 @@ pub struct Alpha {
 }
 
 impl Alpha {
-    /// Returns the share that the codes of a map represent if `exact` is written.
+    /// Rounds a share of light to one that the codes of a map can represent.
     pub fn quantized(&self, exact: f64) -> f64 {
         let most = f64::from((1_u32 << self.bits) - 1);
         ((exact.powf(1.0 / self.gamma) * most).round() / most).powf(self.gamma)
     }
 
-    /// Returns the map of one projector of a set, with the size of its raster.
+    /// Returns the alpha map of one of the projectors, in the size of its raster.
     pub fn map(&self, projectors: &[Projector], own: usize) -> Vec<u8> {
         self.png(projectors[own].size_px, |x, y| share(projectors, own, x, y))
     }
@@ -252,15 +253,15 @@ impl Alpha {
     }
 }
 
-/// Returns the share of light of one projector of a set at a raster position: smooth, zero at its borders; all shares
-/// of a direction sum to one.
+/// Returns the share of light of one of the projectors at a raster position. It is smooth, and zero at the borders of
+/// the raster; all shares in a direction sum to one.
 pub fn share(projectors: &[Projector], own: usize, x: f64, y: f64) -> f64 {
     let weight = |place: DVec2| (16.0 * place.x * (1.0 - place.x) * place.y * (1.0 - place.y)).powi(2);
     let direction = projectors[own].direction(x, y);
     let others = projectors.iter().enumerate().filter(|(other, _)| *other != own);
     let weight_of_others: f64 = others.filter_map(|(_, other)| other.place(direction)).map(weight).sum();
     let own = weight(DVec2::new(x, y));
-    // A corner that no other projector reaches is not shared.
+    // In a corner that no other projector reaches, all light comes from this one.
     if own + weight_of_others > 0.0 { own / (own + weight_of_others) } else { 1.0 }
 }
 
@@ -289,7 +290,8 @@ impl Mpcdi {
         }
     }
 
-    /// Returns a set with points in the room of the tilted dome, whose axes and position are in the file.
+    /// Returns a set of profile a3, with points in the axes of the room. The file also has the axes and the position of
+    /// the tilted dome.
     pub fn a3(columns: usize, rows: usize) -> Self {
         Self { frame: true, ..Self::new("a3", columns, rows) }
     }
@@ -400,7 +402,7 @@ impl Mpcdi {
 pub fn bourke(projector: &Projector, columns: usize, rows: usize, intensity: impl Fn(usize, usize) -> f64) -> String {
     let aspect = f64::from(projector.size_px[0]) / f64::from(projector.size_px[1]);
     let mut text = format!("2\n{columns} {rows}\n");
-    // Rows run from the bottom, as usual in such files.
+    // Rows are in the order from bottom to top, as usual in such files.
     for row in (0..rows).rev() {
         for column in 0..columns {
             let (x, y) = (corner(column, columns), corner(row, rows));
@@ -418,7 +420,7 @@ pub fn bourke(projector: &Projector, columns: usize, rows: usize, intensity: imp
     text
 }
 
-/// Returns an OBJ mesh of a picture; its nodes are moved inside the raster by `shift`, except along the edges.
+/// Returns an OBJ mesh of a picture. Its inner nodes are moved by up to `shift` cells.
 pub fn obj(columns: usize, rows: usize, shift: f64, content: impl Fn(f64, f64) -> DVec2) -> String {
     let mut text = "# a mesh\no warp\n".to_owned();
     for row in 0..rows {
@@ -439,7 +441,7 @@ pub fn obj(columns: usize, rows: usize, shift: f64, content: impl Fn(f64, f64) -
     text
 }
 
-/// Returns a CSV mesh of a picture: downwards, x;y;u;v;column;row.
+/// Returns a CSV mesh of a picture, with the columns x;y;u;v;column;row. y and v increase downwards.
 pub fn csv(columns: usize, rows: usize, content: impl Fn(f64, f64) -> DVec2) -> String {
     let mut text = "x;y;u;v;column;row\n".to_owned();
     for row in 0..rows {
@@ -467,7 +469,7 @@ pub fn sgc(projector: &Projector, columns: usize, rows: usize) -> Vec<u8> {
             bytes.extend([x, y, 0.0, content.x, content.y, 0.0].iter().flat_map(|value| (*value as f32).to_le_bytes()));
         }
     }
-    // A strip that returns at the end of each row through repeated nodes.
+    // The triangle strip goes from the end of a row to the next one by repeated nodes.
     let mut strip: Vec<u32> = Vec::new();
     for row in 1..rows {
         let index = |column: usize, row: usize| (row * columns + column) as u32;
@@ -482,7 +484,7 @@ pub fn sgc(projector: &Projector, columns: usize, rows: usize) -> Vec<u8> {
     bytes
 }
 
-/// Returns a configuration of SGCT with one viewport: its projection, and additional keys of the viewport.
+/// Returns a configuration of SGCT with one viewport, which has this projection and the additional keys `more`.
 pub fn sgct(size_px: [u32; 2], projection: &str, more: &str) -> String {
     format!(
         r#"{{"version":1,"masteraddress":"localhost","nodes":[{{"address":"localhost","port":20401,"windows":[{{"size":{{"x":{},"y":{}}},
@@ -501,7 +503,7 @@ pub fn sgct_frustum(kind: &str, projector: &Projector) -> String {
     )
 }
 
-/// Encodes directions as OpenEXR, top row first.
+/// Encodes directions as OpenEXR, with the top row first.
 pub fn exr(names: [&str; 3], size: [usize; 2], value: impl Fn(usize, usize) -> [f64; 3]) -> Vec<u8> {
     use exr::prelude::{
         AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2, WritableImage,

@@ -1,11 +1,11 @@
-//! Tests that need something that a machine may lack: without it they are reported as ignored with the reason, unless
-//! an environment variable requires them.
+//! Runs tests that need something that a machine may lack. Without it they are reported as ignored, with the reason; if an environment variable
+//! requires them, they fail.
 
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 
-/// A test, which fails by a panic. It returns an error if it cannot run, which names the missing prerequisite.
+/// Name and function of a test. The test fails by a panic; if it cannot run, it returns an error that names the missing prerequisite.
 pub type Test = (&'static str, fn() -> Result<(), String>);
 
 /// Part of the names of long tests, which run with `--ignored` only (`make test-long`).
@@ -20,8 +20,8 @@ fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completio
     }
 }
 
-/// The arguments, which are those of libtest. Unless they say otherwise, two tests run at once: each draws with a software
-/// driver that uses all cores, and waits for other processes half of its time.
+/// Reads the arguments, which are those of libtest. By default, two tests run at once: each draws with a software driver that uses all cores, but
+/// waits for other processes half of the time.
 pub fn arguments() -> Arguments {
     let mut arguments = Arguments::from_args();
     arguments.test_threads = arguments.test_threads.or(Some(2));
@@ -34,7 +34,7 @@ pub fn main(variable: &'static str, tests: &[&[Test]]) -> ExitCode {
     main_of(&groups)
 }
 
-/// The same with a variable for each group of tests.
+/// Like [`main`], with a variable for each group of tests.
 pub fn main_of(groups: &[(&'static str, &[Test])]) -> ExitCode {
     let tests = groups.iter().flat_map(|(variable, tests)| tests.iter().map(|test| (*variable, *test)));
     let trials = tests.map(|(variable, (name, run))| {

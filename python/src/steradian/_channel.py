@@ -28,15 +28,15 @@ _OPTIONS: list[tuple[str, int | str]] = [
     ("grpc.http2.ping_timeout_ms", 5_000),
     ("grpc.keepalive_permit_without_calls", 1),
     ("grpc.http2.max_pings_without_data", 0),
-    # Each client has its own connection, and with it its own share of the daemon's limits. By default gRPC shares one
-    # between all clients of a process.
+    # Each client has its own connection, and with it its own share of the daemon's limits. By default, all clients of a
+    # process share one connection of gRPC.
     ("grpc.use_local_subchannel_pool", 1),
 ]
 _HEALTH = "/grpc.health.v1.Health/Check"
-# Answer of the health service of a daemon that serves, encoded: the message has one field.
+# Encoded answer of the health service of a daemon that serves. The message has one field.
 _SERVING = b"\x08\x01"
 # Status codes of a daemon that does not serve yet. NOT_FOUND comes from the server that reports the health during the
-# start, when that server is about to end.
+# start of the daemon, shortly before that server ends.
 _NOT_YET = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.NOT_FOUND)
 # gRPC names the host of a Unix socket by its percent-encoded path. The HTTP library of the daemon refuses such a host.
 _UNIX_HOST = ("grpc.default_authority", "localhost")
@@ -108,7 +108,7 @@ class Transport:
         self._metadata = [("authorization", f"Bearer {token}")] if token is not None else []
         options = list(_OPTIONS)
         if where.local:
-            # Connections to this machine must not use a proxy of the environment.
+            # Connections to this machine must not use a proxy that environment variables define.
             options.append(("grpc.enable_http_proxy", 0))
         if where.unix:
             options.append(_UNIX_HOST)
@@ -156,8 +156,8 @@ class Transport:
         return found
 
     def _seek(self) -> None:
-        """Makes the channel connect. It does so by itself, but older versions of gRPC serve its socket only
-        during a call, and calls fail at once without a connection. This call waits for it."""
+        """Makes the channel connect, and waits for the connection. A channel connects by itself, but older versions of
+        gRPC serve its socket only during a call, and calls fail at once without a connection."""
         with self._guard:
             if self._seeking is not None:
                 return

@@ -4,8 +4,9 @@
 versions of protobuf's runtime, and a new call or field needs only a new `steradian.binpb`. The descriptors have a
 separate pool, so that modules that protoc has generated from the same files can coexist with this package.
 
-Plain Python values become messages by `build`: a mapping by its fields, `Vector3`, `Quaternion`, `Rgb` and `Range` also
-by their numbers, `Timestamp` by a `datetime` with a time zone, an enumeration by the name of its value.
+`build` converts plain Python values to messages. A mapping of fields becomes any message, a sequence of numbers a
+`Vector3`, `Quaternion`, `Rgb` or `Range`, a `datetime` with a time zone a `Timestamp`, and a name the value of an
+enumeration.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Method:
 
 
 def _class_maker(pool: Any) -> Callable[[Any], Any]:
-    """Returns the function that creates a message class; protobuf 4.22 has renamed it."""
+    """Returns the function that creates a message class; its name changed in protobuf 4.22."""
     if hasattr(message_factory, "GetMessageClass"):
         return lambda descriptor: message_factory.GetMessageClass(descriptor)
     factory = message_factory.MessageFactory(pool)
@@ -149,7 +150,7 @@ def _enum_number(descriptor: Any, value: str) -> int:
 
 
 def _is_repeated(field: Any) -> bool:
-    # `label` is deprecated since `is_repeated` exists.
+    # `label` is deprecated in versions that have `is_repeated`.
     if hasattr(field, "is_repeated"):
         return bool(field.is_repeated)
     return bool(field.label == field.LABEL_REPEATED)
@@ -270,7 +271,7 @@ def _since_epoch(time: datetime.datetime) -> tuple[int, int]:
 
 
 def datetime_of(timestamp: Message) -> datetime.datetime:
-    """Converts a `Timestamp` to a time in UTC, to microseconds."""
+    """Converts a `Timestamp` to a time in UTC, rounded down to microseconds."""
     return _EPOCH + datetime.timedelta(seconds=timestamp.seconds, microseconds=timestamp.nanos // 1000)
 
 

@@ -51,7 +51,7 @@ class Camera:
 
 
 def frame_value(frame: str | None) -> str:
-    """Returns the value of the protocol for a reference frame such as `horizon`; None: the current one."""
+    """Returns the protocol's value for a reference frame such as `horizon`; None means the current frame."""
     return f"SKY_FRAME_{'UNSPECIFIED' if frame is None else frame.upper()}"
 
 

@@ -81,10 +81,10 @@ class Client:
         return made
 
     def wait_until_ready(self, timeout_s: float = 60.0) -> None:
-        """Waits until the daemon is ready for calls: it listens before its shaders are compiled.
+        """Waits until the daemon is ready for calls, because it listens before its shaders are compiled.
 
         Raises:
-            DeadlineExceeded: it was not within `timeout_s`.
+            DeadlineExceeded: it was not ready within `timeout_s`.
         """
         self._transport.wait_until_ready(timeout_s)
 
@@ -98,8 +98,8 @@ class Client:
         Args:
             service: its service.
             name: its name.
-            request: its message; absent: one of `fields`.
-            timeout_s: its deadline, s; absent: that of the client.
+            request: its message; if it is absent, the message is made from `fields`.
+            timeout_s: its deadline, s; if it is absent, that of the client.
             fields: fields of the message by name; values as of `steradian.message`.
 
         Returns:
@@ -116,7 +116,7 @@ class Client:
 
     def stream(self, service: str, name: str, request: Message = None, /, **fields: object) -> Watch[Message]:
         """Opens any server stream, such as `stream("SceneService", "WatchScene")`: an iterator over its messages.
-        Arguments as for `call`."""
+        The arguments are those of `call`."""
         made = self._request(service, name, request, fields)
         return self._lasts(Watch(self._transport, _protocol.method(service, name), made, _same))
 
@@ -145,7 +145,7 @@ class Client:
         Args:
             definition: the keys of a table of `[[views]]` in a configuration, as `{"name": "wide", "type": "fisheye",
                 "size": [512, 512], "fov_deg": 180.0}`, or a message `ViewDefinition`, such as the one of a view.
-            expected_revision: refused if the scene has another revision.
+            expected_revision: the call is refused if the scene has another revision.
 
         Returns:
             The view.
@@ -153,7 +153,7 @@ class Client:
         Raises:
             InvalidArgument: a key is missing, unknown to the type, or has an invalid value; the text states the
                 valid ones.
-            AlreadyExists: a view, or the headset, has the name.
+            AlreadyExists: a view or the headset already has the name.
             ResourceExhausted: the limit of views, or of their pixels, is reached.
             Conflict: the scene has another revision.
         """
@@ -165,7 +165,7 @@ class Client:
 
         Args:
             name: the view.
-            expected_revision: refused if the scene has another revision.
+            expected_revision: the call is refused if the scene has another revision.
 
         Returns:
             The new revision of the scene.
@@ -178,13 +178,13 @@ class Client:
         return int(self._ask("ViewService", "DeleteView", fields).revision)
 
     def update_view(self, name: str, changes: Mapping[str, object], *, expected_revision: int | None = None) -> View:
-        """Changes definition, exposure, glare, tone mapping or exposure group of a view: all named values or none,
-        from the next frame on.
+        """Changes definition, exposure, glare, tone mapping or exposure group of a view: either all named values or
+        none, from the next frame on.
 
         Args:
             name: the view.
             changes: values by path: `{"exposure.limiting_magnitude": 9.0, "glare": {"method": "none"},
-                "exposure_group": "", "definition.fov_deg": 120.0}`. None: the key is inherited.
+                "exposure_group": "", "definition.fov_deg": 120.0}`. With None, the key is inherited.
             expected_revision: the change is refused if the scene has another revision.
 
         Returns:
@@ -209,8 +209,8 @@ class Client:
             view: its name.
             encoding: `RGBA8`, `PNG` or `JPEG` for display images, `RGB32F` or `EXR` for luminance in cd/m^2, or another
                 one that the daemon has.
-            max_size: longest side of the images, pixels: larger display images are reduced by a whole number. 0: as
-                large as the view is.
+            max_size: longest side of the images, pixels: larger display images are scaled down by a whole number. With
+                0, they have the size of the view.
             timeout_s: deadline, s.
 
         Raises:
@@ -231,21 +231,21 @@ class Client:
         reconnect: bool = False,
         timeout_s: float | None = None,
     ) -> FrameLoop:
-        """Returns a background loop with the newest frames of a view: however seldom frames are taken, each is the
-        newest.
+        """Returns a background loop with the newest frames of a view: a frame that is taken is always the newest,
+        however seldom frames are taken.
 
-        A frame comes when the picture has changed, and once a second if it has not. A loop has these ways to take
-        frames: `for frame in loop`, `loop.next(timeout_s)` and `loop.latest()`.
+        A frame arrives when the picture has changed, and once a second if it has not. There are these ways to take
+        frames from a loop: `for frame in loop`, `loop.next(timeout_s)` and `loop.latest()`.
 
-        Pictures of `H264` continue each other, so none is skipped: the next one is requested when the last one was
-        taken.
+        Each picture of `H264` depends on the previous one, so none is skipped: the next one is requested when the last
+        one has been taken.
 
         Args:
             view: its name.
-            encoding: as of `render`.
-            max_size: as of `render`.
-            max_rate_hz: frames are asked for at most as often; one that is taken may then be 1 / max_rate_hz older.
-                None: as fast as they come.
+            encoding: as for `render`.
+            max_size: as for `render`.
+            max_rate_hz: maximum rate of requests. A frame that is taken may then be older by 1 / max_rate_hz. With
+                None, frames are requested as fast as they arrive.
             reconnect: when the daemon goes away, the loop tries again after 0.1 s, then after pauses that double up to
                 2 s; otherwise `Unavailable` is raised where frames are taken. Other errors end the loop in both cases.
             timeout_s: deadline of a single call, s.
@@ -275,7 +275,7 @@ class Client:
             max_size: as for `render`; the other arguments are as for `frames`.
         """
         if isinstance(views, str):
-            raise TypeError(f"views = {views!r}: must be a sequence of names; `frames` is for one view")
+            raise TypeError(f"views = {views!r}: must be a sequence of names; for one view, use `frames`")
         wanted = dict(views) if isinstance(views, Mapping) else dict.fromkeys(views, encoding)
         options = _loop_options(max_size, max_rate_hz, reconnect, timeout_s)
         return self._lasts(FramesLoop(self._transport, wanted, **options))
@@ -372,8 +372,8 @@ class Client:
         `with client.steer() as steer: steer(position_m=...)`. While it lasts, no other client can move the camera.
 
         Args:
-            take_over: takes the lease also from another holder, whose stream ends with `LeaseHeld`.
-            lease: False: takes no lease; poses are accepted while no other client holds it.
+            take_over: takes the lease even from another holder, whose stream then ends with `LeaseHeld`.
+            lease: with False, takes no lease; poses are accepted while no other client holds it.
             holder: name of the holder, which refused clients see; at most 64 characters.
 
         Raises:
@@ -385,7 +385,7 @@ class Client:
         return Steering(self._transport, wanted, holder)
 
     def watch_camera(self) -> Watch[Camera]:
-        """Streams the current camera and each change; a slow reader gets the newest."""
+        """Streams the current camera and each change; a slow reader gets only the newest."""
         method = _protocol.method("CameraService", "WatchCamera")
         return self._lasts(Watch(self._transport, method, method.request(), Camera.of))
 
@@ -398,14 +398,15 @@ class Client:
     def update_scene(
         self, changes: Mapping[str, object], *, expected_revision: int | None = None, timeout_s: float | None = None
     ) -> Scene:
-        """Changes the named values, all of them or none, from the next frame on.
+        """Changes either all of the named values or none, from the next frame on.
 
         Args:
-            changes: values by path: `{"time": datetime(..., tzinfo=timezone.utc), "time_rate": 60.0, "stars.magnitude_limit": 6.0,
-                "bodies.rock": {"position_m": [...], ...}, "bodies.old": None}`. None removes a member of a list. Lists
-                (`bodies`, `asteroid_fields`) replace all members. Values as of `steradian.message`.
+            changes: values by path: `{"time": datetime(..., tzinfo=timezone.utc), "time_rate": 60.0,
+                "stars.magnitude_limit": 6.0, "bodies.rock": {"position_m": [...], ...}, "bodies.old": None}`.
+                None removes a member of a list. Lists (`bodies`, `asteroid_fields`) replace all members. Values have
+                the forms that `steradian.message` accepts.
             expected_revision: the change is refused if the scene has another revision.
-            timeout_s: deadline, s: new asteroids are generated before the answer.
+            timeout_s: deadline, s; new asteroids are generated before the answer.
 
         Returns:
             The scene after the change.
@@ -437,13 +438,13 @@ class Client:
 
         Raises:
             InvalidArgument: a value is out of range.
-            ResourceExhausted: too many such calls run.
+            ResourceExhausted: too many such calls are running.
         """
         fields = {"direction": direction, "radius_deg": radius_deg, "most": most}
         return [SeenObject.of(found) for found in self._ask("SceneService", "Identify", fields).objects]
 
     def watch_scene(self) -> Watch[Scene]:
-        """Streams the current scene and each change; a slow reader gets the newest."""
+        """Streams the current scene and each change; a slow reader gets only the newest."""
         method = _protocol.method("SceneService", "WatchScene")
         return self._lasts(Watch(self._transport, method, method.request(), Scene.of))
 
@@ -489,7 +490,7 @@ class Client:
         return self._lasts(Watch(self._transport, method, request, Stats.of))
 
     def verify(self, filter: str = "", *, star_method: str = "") -> Watch[Check]:
-        """Runs the checks on the daemon's adapter, one after the other, and gives each result. `close` stops them.
+        """Runs the checks on the daemon's adapter, one after the other, and yields each result. `close` stops them.
 
         Args:
             filter: selects checks: a name, a part of names, a group, or a number. Empty: all.

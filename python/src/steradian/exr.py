@@ -1,5 +1,5 @@
-"""Reads the daemon's OpenEXR files: one part of scan lines, uncompressed, run lengths or ZIP, channels of 16- or
-32-bit floats.
+"""Reads the daemon's OpenEXR files: one part with scan lines, either uncompressed or compressed by run lengths or ZIP,
+and channels of 16- or 32-bit floats.
 
 Follows the file layout in the OpenEXR documentation ("OpenEXR File Layout"): header, table of offsets, blocks of rows.
 A block that compression does not shrink is stored uncompressed. Otherwise its bytes are split into those of even and of
@@ -14,7 +14,7 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
-# Rows per block, by the number of the compression in the header: none, run lengths, ZIP of single rows, ZIP of 16 rows.
+# Number of rows per block, for each number of a compression: none, run lengths, ZIP of single rows, ZIP of 16 rows.
 _ROWS_OF_BLOCK = {0: 1, 1: 1, 2: 1, 3: 16}
 _RUN_LENGTHS = 1
 _PIXEL_TYPES = {1: "<f2", 2: "<f4"}
@@ -68,7 +68,7 @@ def _channel_list(value: bytes) -> list[tuple[str, str]]:
         kind, _, x_step, y_step = struct.unpack_from("<iiii", value, at)
         at += 16
         if kind not in _PIXEL_TYPES or (x_step, y_step) != (1, 1):
-            raise ValueError(f"channel {name} of the OpenEXR file is neither of floats nor as large as the image")
+            raise ValueError(f"channel {name} of the OpenEXR file must contain floats and be as large as the image")
         found.append((name, _PIXEL_TYPES[kind]))
     return found
 
@@ -125,7 +125,7 @@ def _channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
         count = min(rows_of_block, height - first)
         block = data[offset + 8 : offset + 8 + size]
         if first < 0 or count < 1 or len(block) != size:
-            raise ValueError("the OpenEXR file is damaged: a block lies outside")
+            raise ValueError("the OpenEXR file is damaged: a block lies outside of the image or of the file")
         whole = count * row.itemsize
         if compression != 0 and size != whole:
             block = _decompressed(block, compression, whole)

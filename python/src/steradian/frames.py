@@ -18,7 +18,7 @@ _LUMINANCE_OF_RGB = np.array([0.2126, 0.7152, 0.0722])
 
 
 def luminance(rgb: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Returns the luminance of linear Rec. 709 colours, (..., 3) to (...), in their unit: cd/m^2 of HDR images."""
+    """Converts linear Rec. 709 colours, (..., 3), to luminances, (...), in the same unit: for HDR images cd/m^2."""
     colours: npt.NDArray[np.float64] = np.asarray(rgb, dtype=np.float64)
     together: npt.NDArray[np.float64] = colours @ _LUMINANCE_OF_RGB
     return together
@@ -51,7 +51,7 @@ class Image:
         - `PNG`, `JPEG`: (height, width, 4) or (height, width, 3), uint8, decoded by Pillow.
 
         Raises:
-            ImportError: `PNG` or `JPEG`, and Pillow is not installed.
+            ImportError: the encoding is `PNG` or `JPEG`, and Pillow is not installed.
             ValueError: the data is damaged, or the encoding cannot be an array.
         """
         if self.encoding == "RGBA8":
@@ -60,14 +60,14 @@ class Image:
             return self.rgb_cd_m2()
         if self.encoding in ("PNG", "JPEG"):
             return self._decoded()
-        raise ValueError(f"{self.encoding} is not decoded here: `data` has the bytes")
+        raise ValueError(f"{self.encoding} is not decoded here: `data` has the encoded bytes")
 
     def rgb_cd_m2(self) -> npt.NDArray[np.float32]:
         """Returns the luminance of the primaries of an `RGB32F` or `EXR` image, (height, width, 3), float32, cd/m^2,
         linear Rec. 709.
 
         Raises:
-            ValueError: it is a display image, or damaged.
+            ValueError: the image is a display image, or damaged.
         """
         if self.encoding == "RGB32F":
             return np.frombuffer(self.data, dtype="<f4").reshape(self.height_px, self.width_px, 3)
@@ -100,7 +100,7 @@ class Image:
         try:
             import PIL.Image
         except ImportError as error:
-            raise ImportError(f"decoding {self.encoding} needs Pillow (or ask for RGBA8): {error}") from error
+            raise ImportError(f"decoding {self.encoding} needs Pillow (or request RGBA8): {error}") from error
         try:
             return np.asarray(PIL.Image.open(io.BytesIO(self.data)), dtype=np.uint8)
         except OSError as error:
@@ -115,18 +115,17 @@ class Frame:
     Attributes:
         view: name of the view.
         frame_number: number of the frame, counted over all views of the daemon's renderer.
-        scene_revision: revision of the scene shown.
-        camera_revision: revision of the camera shown.
+        scene_revision: revision of the scene that the frame shows.
+        camera_revision: revision of the camera that the frame shows.
         camera: camera of the frame; None only from daemons that do not send it.
         pose_time: time at which the daemon received that camera, by its clock, to microseconds.
         render_time: time at which the renderer finished the frame, by the same clock.
         exposure_ev100: exposure of display images, EV at ISO 100: display white is 1.2 * 2^ev cd/m^2.
         limiting_magnitude: limiting magnitude of stars in the display image; None if unknown.
-        residual_codes: bound of what a pixel of the display image lacks or has in excess because stars of a deep store
-            have not been read yet or do not fit into `stars.memory`, codes of 8 bits; None: no stars of a deep store are
-            drawn.
+        residual_codes: upper bound of the error of a pixel of the display image due to stars of a deep store that have
+            not been read yet or do not fit into `stars.memory`, 8-bit codes; None: no stars of a deep store are drawn.
         quality_level: quality level of display images; 0 is as configured.
-        given_up: descriptions of the reductions.
+        given_up: descriptions of the reductions of quality.
         images: the images of the view.
         message: the received message with all fields of the protocol, but without the bytes of the images.
     """

@@ -1,11 +1,11 @@
-"""Pull loops: a thread requests the next frame when it has the last one, and keeps the newest.
+"""Pull loops: a thread requests the next frame as soon as it has received the last one, and keeps the newest frame.
 
 A stream of frames fills the buffers of connection and client, so that a slow reader sees old pictures. A pull loop has
 no such queue: `NextFrame` returns the newest frame after the last one, the loop keeps one frame of each view, and
 the reader gets the newest frame. Frames that were replaced before they were taken are counted in `skipped`.
 
-A picture of H.264 continues the one before, so it must not be replaced: a loop with such a view requests the next
-frames when the last picture was taken.
+A picture of H.264 depends on the previous one, so it must not be replaced: a loop with such a view requests the next
+frames when the last picture has been taken.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from .frames import Frame
 T = TypeVar("T")
 Loop = TypeVar("Loop", bound="PullLoop[Any]")
 
-# First and longest delay between attempts to reconnect: it doubles after each attempt.
+# First and longest delay between attempts to reconnect. The delay doubles after each attempt.
 _FIRST_PAUSE_S = 0.1
 _LONGEST_PAUSE_S = 2.0
 
 
 class Seen(NamedTuple):
-    """The last frame of a view that the loop has."""
+    """The newest frame of a view that the loop has received."""
 
     # 0: none.
     number: int
@@ -70,7 +70,7 @@ class PullLoop(Generic[T]):
             raise ValueError(f"max_rate_hz = {max_rate_hz}: must be above 0, or None")
         self._transport = transport
         self._encodings = {view: _protocol.enum_value("Encoding", encoding) for view, encoding in wanted.items()}
-        # Views whose frames must all be taken.
+        # Views of which the reader must get every frame.
         self._videos = {view for view, encoding in wanted.items() if encoding == "H264"}
         self._max_size = max_size
         self._period_s = 0.0 if max_rate_hz is None else 1.0 / max_rate_hz
@@ -126,7 +126,7 @@ class PullLoop(Generic[T]):
         Raises:
             TimeoutError: no frame arrived within `timeout_s`.
             Closed: the loop was closed.
-            SteradianError: the call failed; without `reconnect` also if the daemon is unreachable.
+            SteradianError: the call failed. Without `reconnect`, this includes a daemon that cannot be reached.
         """
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         with self._changed:
@@ -144,7 +144,8 @@ class PullLoop(Generic[T]):
             return self._given(taken)
 
     def latest(self) -> T | None:
-        """Returns the newest received frame, taken or not; None before the first. Does not wait.
+        """Returns the newest received frame, whether or not it has been taken; None before the first frame. Does not
+        wait.
 
         Raises:
             SteradianError: as for `next`.
@@ -298,8 +299,8 @@ class FrameLoop(PullLoop[Frame]):
 
 
 class FramesLoop(PullLoop[dict[str, Frame]]):
-    """The newest frames of several views, by one call at a time: see `Client.frames_of`. It yields the frames
-    that have not been taken yet, by view: at least one."""
+    """The newest frames of several views, by one call at a time: see `Client.frames_of`. It yields the frames that have
+    not been taken yet, at least one, by view."""
 
     def _given(self, frames: dict[str, Frame]) -> dict[str, Frame]:
         return frames

@@ -18,7 +18,7 @@ class Scene:
     Attributes:
         revision: number of its changes, including those of views, without those of the camera.
         time: scene time, UTC, to microseconds; None if none is set.
-        time_rate: seconds of scene time per second; 0: the time stays.
+        time_rate: seconds of scene time per second of real time; 0: the time does not run.
         star_method: rendering method of stars.
         magnitude_limit: limiting magnitude, mag.
         bodies: messages `Body` by name.
@@ -72,7 +72,7 @@ class SeenObject:
         name: its name, for stars the common one; empty if it has none.
         designation: Bayer or Flamsteed designation of a star; empty if unknown.
         direction: (3,), float64: unit vector to its apparent place, ICRS axes.
-        separation_deg: angle from the direction that was asked for; 0 if a body covers it.
+        separation_deg: angle from the requested direction; 0 if a body covers that direction.
         v_mag: apparent V magnitude of a star; None for others.
         temperature_k: effective temperature of a star; None for others.
         distance_m: distance from the camera; None if unknown.
@@ -132,12 +132,12 @@ class Info:
     """Adapter and scene of the daemon.
 
     Attributes:
-        version: of the daemon.
+        version: version of the daemon.
         adapter: name of the adapter.
         driver: name and version of its driver.
         stars: number of stars in the scene.
         frames_rendered: frames since the start.
-        fallbacks: every fallback in use, as a sentence.
+        fallbacks: a sentence for every fallback in use.
         message: the whole message `Info`.
     """
 

@@ -35,16 +35,16 @@ def pose_fields(
     return changed if turn is None else changed | {"turn": turn}
 
 
-# Maximum number of poses with a time in the queue: the call that adds another one waits.
+# Maximum number of queued poses that have a time. A call that adds another one waits.
 MOST_WAITING = 1000
 
 
 class Steering:
     """A stream of poses, a context manager: see `Client.steer`. It may be called from any thread.
 
-    The newest pose wins: an unsent pose is replaced by the next one. Poses with a time are all sent, in their order; a pose
-    without one drops those that wait. The daemon answers at the end
-    of the stream, so a refusal is raised by the first call after its arrival, or at the end.
+    The newest pose wins: an unsent pose is replaced by the next one. Poses with a time are all sent, in their order; a
+    pose without one removes those that are waiting. The daemon answers at the end of the stream, so a refusal is raised
+    by the first call after its arrival, or at the end.
 
     Attributes:
         camera: after the end: the camera after the last pose.
@@ -80,8 +80,8 @@ class Steering:
             position_m: (3,), metres, ICRS axes, from the Solar-System barycentre.
             orientation: (4,), unit quaternion x, y, z, w.
             velocity_c: (3,), in units of the speed of light.
-            time: time at which the camera is to be there, by the daemon's clock, with a time zone; at most 10 s ahead and
-                later than that of the pose before. The camera moves there from the pose before.
+            time: time at which the camera is to have this pose, by the daemon's clock, with a time zone; at most 10 s
+                ahead and later than that of the previous pose. The camera moves there from the previous pose.
 
         Raises:
             LeaseHeld: another client holds the lease, or has taken it over.
@@ -127,7 +127,10 @@ class Steering:
         self._call.cancel()
 
     def _put(self, message: Message) -> None:
-        """Queues a pose. One without a time removes queued poses with times, and is merged with the last one."""
+        """Queues a pose.
+
+        A pose without a time removes the queued poses that have one, and is merged with the last queued pose.
+        """
         if not message.HasField("time"):
             while len(self._waiting) > 0 and self._waiting[-1].HasField("time"):
                 self._waiting.pop()

@@ -17,8 +17,8 @@ T = TypeVar("T")
 
 
 class Watch(Generic[T]):
-    """An iterator over a stream of the daemon, and a context manager. It ends when the daemon shuts down, or by
-    `close`; a stream that fails raises a `SteradianError`.
+    """An iterator over a stream of the daemon, and a context manager. It ends when the daemon shuts down or `close` is
+    called. A stream that fails raises a `SteradianError`.
     """
 
     def __init__(
@@ -29,8 +29,8 @@ class Watch(Generic[T]):
         self._closed = False
         self._call: Any = transport.stream(method, request)
 
-        # Queue of messages that a thread reads for `next`; None: the end. It holds only one, so that a slow reader gets
-        # the newest.
+        # Queue of the messages that a thread reads for `next`; None marks the end. It holds only one message, so that a
+        # slow reader gets the newest.
         self._read: queue.Queue[T | Exception | None] | None = None
 
     def __iter__(self) -> Iterator[T]:
@@ -43,7 +43,7 @@ class Watch(Generic[T]):
         """Waits for the next message.
 
         Raises:
-            TimeoutError: none arrived within `timeout_s`. The stream goes on.
+            TimeoutError: no message arrived within `timeout_s`. The stream continues.
             StopIteration: the stream has ended.
             SteradianError: the stream has failed.
         """

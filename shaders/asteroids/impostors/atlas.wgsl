@@ -33,7 +33,7 @@ struct ImpostorCorner {
     @location(6) @interpolate(flat) sun: vec4<f32>,
     // Luminance; w: number of the reflection law.
     @location(7) @interpolate(flat) luminance: vec4<f32>,
-    // Up to three tiles, column in the low half of the word, row in the high one; w: layer.
+    // Up to three tiles: column in the low half of the word, row in the high half; w: layer.
     @location(8) @interpolate(flat) tiles: vec4<u32>,
     // Their weights.
     @location(9) @interpolate(flat) weights: vec3<f32>,

@@ -1,8 +1,7 @@
 // Places the squares of asteroid impostors, each a triangle strip of four vertices.
 //
-// The published square is parallel to the image plane and rotated by the roll; its tile follows from the camera's
-// orientation. The other squares face the eye, their tiles follow from the eye's position, and they are as large as the
-// outline in perspective.
+// The published square is parallel to the image plane and rotated by the roll, and its tile follows from the camera's orientation. The other squares
+// face the eye and are as large as the outline in perspective. Their tiles follow from the eye's position.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/square

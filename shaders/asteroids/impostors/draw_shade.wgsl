@@ -1,5 +1,5 @@
-// Shades impostors: reads the atlas and lights the surface by the strongest sun. Colour: luminance in units of the
-// target, alpha 1. Depth is that of the surface, so that impostors and meshes intersect correctly.
+// Shades impostors: reads the atlas, and lights the surface with the strongest sun. Colour: luminance in units of the target, alpha 1. Depth is that
+// of the surface, so that impostors and meshes intersect correctly.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/surface

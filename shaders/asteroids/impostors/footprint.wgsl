@@ -1,8 +1,7 @@
 // Footprint of an impostor on the samples of a target, and its surface there.
 //
-// One division maps between positions on the square that faces the eye and samples. The map is exact on flat pictures.
-// On others it is linear around the centre; its error is below that of straight edges, at most half a pixel, since
-// larger images go through flat faces.
+// One division maps between positions on the square that faces the eye and samples. The map is exact on flat pictures. On other pictures it is linear
+// around the centre. Its error is below that of straight edges and at most half a pixel, since larger images are drawn through flat faces.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/splat_band
@@ -36,15 +35,15 @@ struct Footprint {
     end: vec2<i32>,
     // Upper limit of its depth values.
     nearest: f32,
-    // Nearest tile: the one of the three with the greatest weight.
+    // Nearest tile: the one with the greatest weight of the three.
     tile: u32,
-    // Share of the depth used for the parallax of tiles, and share of the two other tiles.
+    // Share of the depth that is used for the parallax of tiles. It is also the share of the two other tiles.
     parallax: f32,
     // Level of the atlas, an integer: its texels are at most as large as samples, if such a level exists.
     level: f32,
 }
 
-// Footprint of an entry of the lists. An entry that touches no samples has an empty range.
+// Returns the footprint of an entry of the lists. An entry that touches no samples has an empty range.
 fn footprint_of(slot: u32) -> Footprint {
     let asteroid = load_asteroid(slot);
     let viewport = asteroid_target.viewport;
@@ -66,8 +65,7 @@ fn footprint_of(slot: u32) -> Footprint {
     var exists = middle.z > 0.0 && distance > 1.0;
     let outline_squared = dot(square.right, square.right);
     if on_plane {
-        // Intersection of the ray through a sample with the square's plane: linear in the sample, except for one
-        // division.
+        // Intersection of the ray through a sample with the square's plane. It is linear in the sample, except for one division.
         let axis = max(-centre.z, 1e-6);
         let steps = 1.0 / (viewport.plane_scale * samples);
         footprint.across = square.right.xy * steps * (axis / outline_squared);
@@ -82,7 +80,7 @@ fn footprint_of(slot: u32) -> Footprint {
         footprint.upward = vec2(-right.y, right.x) / area;
         footprint.beneath = vec2(0.0);
     }
-    // Half the box around the ellipse of the bounding sphere, samples: rows of the inverse of the two rows above.
+    // Half of the box around the ellipse of the bounding sphere, samples. It follows from the rows of the inverse of the two rows above.
     let turn = footprint.across.x * footprint.upward.y - footprint.across.y * footprint.upward.x;
     let inverse_x = vec2(footprint.upward.y, -footprint.across.y) / turn;
     let inverse_y = vec2(-footprint.upward.x, footprint.across.x) / turn;
@@ -96,10 +94,11 @@ fn footprint_of(slot: u32) -> Footprint {
     let end = clamp(ceil(shifted + half), vec2(0.0), size);
     footprint.first = vec2<i32>(first) + vec2(0, i32(splat.band.first_row));
     footprint.end = select(footprint.first, vec2<i32>(end) + vec2(0, i32(splat.band.first_row)), vec2(exists));
-    // Depth limit from the nearest possible point: its position on the square and its depth along the ray are each at most the radius of the outline.
+    // The depth limit is that of the nearest possible point: its position on the square and its depth along the ray are each at most the radius of
+    // the outline.
     let reach = select(distance, -centre.z, on_plane) - 1.4143 * sqrt(outline_squared);
     footprint.nearest = asteroid_target.near / (max(reach, 1e-6) * radius);
-    // Size of a sample on the square, bounding radii; bounding radius in pixels.
+    // Size of a sample on the square, in bounding radii, and the bounding radius in pixels.
     let step = max(
         length(vec2(footprint.across.x, footprint.upward.x)), length(vec2(footprint.across.y, footprint.upward.y)));
     let radius_px = max(outer.x, outer.y) / samples * inverseSqrt(outline_squared) * splat.quality;
@@ -113,7 +112,7 @@ fn footprint_of(slot: u32) -> Footprint {
     return footprint;
 }
 
-// Half the image distance between the points at +side and -side of a position, pixels. If a point has no image, the
+// Returns half the distance between the images of the points at +side and -side of a position, pixels. If one of the points has no image, it is the
 // one-sided difference from the position itself.
 fn difference_of_pixels(place: vec3<f32>, side: vec3<f32>) -> vec2<f32> {
     let one = pixel_of(place + side);
@@ -125,7 +124,7 @@ fn difference_of_pixels(place: vec3<f32>, side: vec3<f32>) -> vec2<f32> {
     return select(between.xy - other.xy, one.xy - between.xy, one.z > 0.0);
 }
 
-// Position of a sample on the square. Outside the bounding sphere its length exceeds 1.
+// Returns the position of a sample on the square. Outside the bounding sphere its length exceeds 1.
 fn place_on_square(footprint: Footprint, sample_at: vec2<i32>) -> vec2<f32> {
     let offset = vec2<f32>(sample_at) + 0.5 - footprint.middle;
     return vec2(dot(footprint.across, offset), dot(footprint.upward, offset)) / (1.0 + dot(footprint.beneath, offset));
@@ -136,7 +135,7 @@ fn heaviest(weights: vec3<f32>) -> u32 {
     return select(select(2u, 1u, weights.y == greatest), 0u, weights.x == greatest);
 }
 
-// Coverage and depth at a position of the square, and along the ray through it.
+// Returns the coverage and depth at a position of the square, and along the ray through it.
 fn shape_at(footprint: Footprint, place: vec2<f32>, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
     if !PARALLAX {
         return seen_on_tile(footprint.tile, footprint.asteroid.shape, place, footprint.level);
@@ -145,7 +144,7 @@ fn shape_at(footprint: Footprint, place: vec2<f32>, ray: vec3<f32>, offset: vec3
     return blended(footprint, mix(nearest_alone, footprint.square.weights, footprint.parallax), ray, offset);
 }
 
-// Full appearance at that position. The normals of a single tile could be wrong by up to the angle between tiles.
+// Returns the full appearance at that position. The normals of a single tile could be wrong by up to the angle between tiles.
 fn appearance_at(footprint: Footprint, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
     return blended(footprint, footprint.square.weights, ray, offset);
 }

@@ -1,5 +1,4 @@
-// Single asteroids given in view axes, for testing in isolation. Provides the same functions as asteroids/listed.wgsl,
-// for flat pictures only.
+// Single asteroids in view axes, to test impostors in isolation. Provides the same functions as asteroids/listed.wgsl, for flat pictures only.
 
 #import shared/viewport
 #import structs/GivenAsteroid

@@ -1,5 +1,5 @@
-// Same interface as asteroids/impostors/samples_u64.wgsl with two words and two stages: first every sample keeps the
-// greatest depth, then the entry with that depth. Both stages run the same code, so depths agree to the bit.
+// Same interface as asteroids/impostors/samples_u64.wgsl, with two words and two stages: in the first every sample keeps the greatest depth, in the
+// second the entry with that depth. Both stages run the same code, so their depths are bit-identical.
 
 @group(2) @binding(1) var<storage, read_write> sample_words: array<atomic<u32>>;
 

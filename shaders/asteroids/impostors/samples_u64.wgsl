@@ -1,5 +1,5 @@
-// Samples of a band: the low word is 1 + the entry that owns the sample, the high word is its depth. One atomic
-// operation thus keeps the nearest entry, and the later entry if depths are equal.
+// Samples of a band: the low word is 1 + the entry that owns the sample, the high word is its depth. So one atomic operation keeps the nearest entry,
+// or the later one of two entries with equal depths.
 
 #requires u64
 

@@ -1,6 +1,6 @@
-// Splats impostors. Each thread of a workgroup computes the footprint of one impostor; then teams of eight threads
-// process the samples of one footprint after the other. Lanes first look for their next relevant sample and then read
-// tiles together, because on a software driver all lanes execute the instructions of each one.
+// Splats impostors. Each thread of a workgroup computes the footprint of one impostor; then teams of eight threads process one footprint after the
+// other, each thread some of its samples. Lanes first look for their next relevant sample and then read tiles together, because on a software driver
+// all lanes execute the instructions of each lane.
 
 #import asteroids/impostors/footprint
 #import constants/impostors
@@ -8,8 +8,8 @@
 #import task = asteroids/impostors/splat_nearest | asteroids/impostors/splat_light
 
 @group(2) @binding(2) var<storage, read> arguments: array<u32>;
-// Per plane: number of impostors not visible. Then for every entry of the list: whether a sample of it may be visible,
-// and how its tile is read.
+// Per plane, the number of impostors that are not visible. Then, for every entry of the list, whether any of its samples may be visible, and how its
+// tile is read.
 @group(2) @binding(3) var<storage, read_write> still_seen: array<atomic<u32>>;
 
 override WORKGROUP: u32;
@@ -38,7 +38,7 @@ fn splat_impostors(
     let index = (group.y * groups.x + group.x) * WORKGROUP + local;
     if index < arguments[splat.arguments + 3u] && is_taken(atomicLoad(&still_seen[MAX_PLANES + index])) {
         let footprint = footprint_of(arguments[splat.arguments + 4u] + index);
-        // The decision of these threads is stored and used by all others, since two pipelines may round differently.
+        // The other threads use the stored decision of these threads, since two pipelines may round differently.
         let takes = PARALLAX || splat.stage > 0u || footprint.parallax == 0.0;
         if splat.stage == 0u && !PARALLAX {
             atomicStore(&still_seen[MAX_PLANES + index], select(NEEDS_PARALLAX, 0u, takes));
@@ -51,7 +51,7 @@ fn splat_impostors(
     }
     workgroupBarrier();
     let count = atomicLoad(&taken);
-    // With a single team, the footprint index is uniform, and the driver must be able to detect this.
+    // With a single team, the footprint index is uniform. The driver must be able to detect this.
     for (var k = select(local / SPLAT_LANES, 0u, WORKGROUP == SPLAT_LANES); k < count; k += WORKGROUP / SPLAT_LANES) {
         let finding = process_samples(k, i32(local % SPLAT_LANES));
         if finding != 0u {
@@ -64,8 +64,8 @@ fn splat_impostors(
         if splat.stage == 0u {
             atomicStore(&still_seen[MAX_PLANES + indices[local]], (finding & OWN) | select(0u, NEEDS_PARALLAX, PARALLAX));
         }
-        // Each impostor is counted once, in the band of its centre, and independently of thread order: those that never
-        // owned a sample, and those that own none in the end.
+        // Each impostor is counted once, in the band of its centre, and independently of thread order. Impostors that never owned a sample are
+        // counted, and those that own none in the end.
         let row = footprints[local].middle.y - f32(splat.band.first_row);
         if splat.stage != 1u && (finding & OWN) == 0u && row >= 0.0 && row < f32(splat.band.rows) {
             atomicAdd(&still_seen[asteroid_target.plane], 1u);

@@ -3,7 +3,7 @@
 #import constants/impostors
 #import structs/SplatBand
 
-// Index of a sample. Samples are stored in blocks of 8 x 8, so that neighbours in both directions are close in memory.
+// Returns the index of a sample. Samples are stored in blocks of 8 x 8, so that neighbours in both directions are close in memory.
 fn place_in_blocks(position: vec2<u32>, blocks: u32) -> u32 {
     let block = position / SPLAT_BLOCK;
     let within = position % SPLAT_BLOCK;

@@ -1,4 +1,4 @@
-// Initialises samples with the depth already drawn, for impostors splatted behind or in front of it.
+// Initialises samples with the depth already drawn. Impostors may then be in front of it or behind it.
 
 #import asteroids/impostors/splat_band
 

@@ -1,5 +1,5 @@
-// Finds the impostor nearest to the eye, independently of thread order. Entries are sorted from near to far, so one
-// comparison rejects most hidden samples.
+// Finds the impostor nearest to the eye, independently of thread order. Entries are sorted from near to far, so one comparison rejects most hidden
+// samples.
 
 #import asteroids/impostors/footprint
 

@@ -13,7 +13,7 @@ struct Square {
     weights: vec3<f32>,
 }
 
-// Square of an asteroid at `centre` (bounding radii, view axes). `blends`: three tiles are blended.
+// Returns the square of an asteroid at `centre` (bounding radii, view axes). `blends`: three tiles are blended.
 fn facing_square(centre: vec3<f32>, view_from_shape: mat3x3<f32>, blends: bool) -> Square {
     let distance = length(centre);
     let to_eye = -centre / distance;

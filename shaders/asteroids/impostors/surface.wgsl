@@ -8,11 +8,11 @@ struct Surface {
     // Shape's axes, not normalised.
     normal: vec3<f32>,
     albedo: f32,
-    // Towards the tile's eye, bounding radii.
+    // Depth towards the tile's eye, bounding radii.
     depth: f32,
 }
 
-// Texture coordinates of a position on a tile, clamped so that filtering at this level does not read other tiles.
+// Returns the texture coordinates of a position on a tile, clamped so that filtering at this level does not read other tiles.
 fn tile_coordinates(tile: u32, place: vec2<f32>, level: f32) -> vec2<f32> {
     let side = f32(atlas.tile_px);
     let margin = 0.5 * exp2(ceil(level));
@@ -42,14 +42,14 @@ struct Seen {
     beyond: f32,
 }
 
-// Surface of a tile at a position of the square.
+// Returns the surface of a tile at a position of the square.
 fn seen_on_tile(tile: u32, layer: u32, place: vec2<f32>, level: f32) -> Seen {
     let found = surface_of(tile, layer, place, level);
     return Seen(found.coverage, found.normal, found.albedo, -found.depth);
 }
 
-// Search for positions on tiles: number of steps towards the intersection of the ray with the depth stored in the tile,
-// and the share of that depth used.
+// How positions on tiles are found: the number of steps towards the intersection of the ray with the depth stored in the tile, and the share of that
+// depth that is used.
 struct Parallax {
     steps: u32,
     share: f32,

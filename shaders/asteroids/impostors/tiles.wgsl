@@ -1,4 +1,4 @@
-// Tiles of an atlas that show an asteroid: crates/render/src/plan/asteroids/tiles in f32.
+// Tiles of an atlas that show an asteroid. It does the same in f32 as crates/render/src/plan/asteroids/tiles.
 
 #import asteroids/impostors/atlas
 #import shared/math
@@ -13,15 +13,15 @@ fn signs(p: vec2<f32>) -> vec2<f32> {
     return select(vec2(-1.0), vec2(1.0), p >= vec2(0.0));
 }
 
-// Position of a direction (any length but 0) on the octahedral map, -1 to 1.
+// Returns the position of a direction (any length but 0) on the octahedral map, -1 to 1.
 fn octahedral_place(direction: vec3<f32>) -> vec2<f32> {
     let sizes = abs(direction);
     let p = direction.xy / (sizes.x + sizes.y + sizes.z);
     return select((1.0 - abs(p.yx)) * signs(p), p, direction.z >= 0.0);
 }
 
-// Axes of a tile of the octahedral map (frame by Duff et al. 2017). The frame flips with the sign of z, which is
-// computed in integers because many tiles have z = 0.
+// Returns the axes of a tile of the octahedral map (frame by Duff et al. 2017). The frame flips with the sign of z, which is computed in integers
+// because many tiles have z = 0.
 fn octahedral_axes(tile: vec2<u32>) -> TileAxes {
     let count = i32(atlas.tiles);
     let place = 2 * vec2<i32>(tile) + vec2(1 - count);
@@ -59,7 +59,7 @@ struct Blend {
     weights: vec3<f32>,
 }
 
-// The three tiles around a direction.
+// Returns the three tiles around a direction.
 fn octahedral_blend(direction: vec3<f32>) -> Blend {
     let n = i32(atlas.tiles);
     let grid = (octahedral_place(direction) + 1.0) * (0.5 * f32(n)) - 0.5;
@@ -82,7 +82,7 @@ fn octahedral_blend(direction: vec3<f32>) -> Blend {
     return blend;
 }
 
-// Published choice of the tile: pitch, yaw and roll of view_from_shape = Rz(roll) Ry(yaw) Rx(pitch).
+// Returns pitch, yaw and roll of view_from_shape = Rz(roll) Ry(yaw) Rx(pitch), which select the tile as published.
 fn euler_angles(view_from_shape: mat3x3<f32>) -> vec3<f32> {
     let towards = vec3(view_from_shape[0].z, view_from_shape[1].z, view_from_shape[2].z);
     return vec3(
@@ -91,7 +91,7 @@ fn euler_angles(view_from_shape: mat3x3<f32>) -> vec3<f32> {
         precise_atan2(view_from_shape[0].y, view_from_shape[0].x));
 }
 
-// Tile of these angles in one word: rounded up, as published.
+// Returns the tile of these angles in one word. The angles are rounded up, as published.
 fn euler_tile(angles: vec3<f32>) -> u32 {
     let n = i32(atlas.tiles);
     let index = vec2<i32>(ceil(angles.xy * (f32(n) / (2.0 * PI))));

@@ -1,6 +1,6 @@
-// Blurs a level of a glare pyramid along one axis: a Gaussian of seven taps, one texel of the level apart. The first
-// axis reads the previous level, where a bilinear lookup between four texels is their mean; the second axis reads the
-// result of the first. The chosen taps define the positions.
+// Blurs a level of a glare pyramid along one axis: a Gaussian of seven taps, one texel of the level apart. The blur along the first axis reads the
+// previous level, in which a bilinear lookup between four texels gives their mean. The blur along the second axis reads the result of the first. The
+// chosen taps define the positions.
 
 #import constants/frame_lists
 #import constants/workgroups

@@ -15,8 +15,8 @@ fn cubic_lookup(place: vec2<f32>, level: u32) -> vec3<f32> {
     let texel = place * size - 0.5;
     let part = fract(texel);
     let rest = 1.0 - part;
-    // Along each axis the outer of the four texels weigh part^3 / 6 and rest^3 / 6. A bilinear lookup between two
-    // texels reads both.
+    // Along each axis, the two outer ones of the four texels have the weights part^3 / 6 and rest^3 / 6. A bilinear lookup between two texels reads
+    // both.
     let weight_0 = rest * rest * rest / 6.0;
     let weight_1 = (4.0 + part * part * (3.0 * part - 6.0)) / 6.0;
     let weight_3 = part * part * part / 6.0;

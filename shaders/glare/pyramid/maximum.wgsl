@@ -1,5 +1,5 @@
-// Finds the brightest channel in the pictures of a batch, as the bits of the number. The bits of non-negative numbers
-// are ordered like the numbers, so the maximum does not depend on the order of the threads.
+// Finds the brightest channel in the pictures of a batch, as the bits of the number. The bits of non-negative numbers have the same order as the
+// numbers, so an atomic maximum works on them. It does not depend on the order of the threads.
 
 #import constants/frame_lists
 #import constants/pixel_grid
@@ -31,7 +31,7 @@ fn find_maximum(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
             let index = tile.first_pixel + row * width + x;
             let blue_omega = pixels[parameters.plane_pixels + index];
             let brightest = max(blue_omega.x, max(pixels[index].x, pixels[index].y));
-            // Non-finite pixels have no glare.
+            // Non-finite pixels cause no glare.
             if blue_omega.y > 0.0 && brightest < 3e38 {
                 greatest = max(greatest, brightest);
             }

@@ -7,7 +7,7 @@
 @group(1) @binding(1) var bilinear: sampler;
 @group(1) @binding(2) var<storage, read> maximum: array<u32>;
 
-// Light scattered towards eight pixels of a column, cd/m^2.
+// Returns the light scattered towards eight pixels of a column, cd/m^2.
 fn scattered_towards(viewport: Viewport, tile: Tile, position: vec3<u32>) -> Light8 {
     let size = 2.0 * vec2<f32>(textureDimensions(combined));
     let scale = 1.0 / glare_scale(maximum[0]);

@@ -6,7 +6,7 @@
 
 // Whether all views are flat, with pixels far smaller than the map's cells.
 override FLAT: bool = false;
-// Direction of a pixel's centre; on a flat plane also defined beyond the picture.
+// Returns the direction of a pixel's centre. On a flat plane it is also defined outside the picture.
 fn direction_of(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     if FLAT {
         let on_plane = vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0);

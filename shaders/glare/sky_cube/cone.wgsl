@@ -1,4 +1,4 @@
-// Cone of directions of a rectangle of pixels.
+// Cone around the directions of a rectangle of pixels.
 
 #import shared/projection
 #import shared/viewport
@@ -14,8 +14,8 @@ fn point_of(from_pixel: vec2<f32>, step: vec2<f32>, points: vec2<u32>, i: u32) -
     return from_pixel + step * vec2(f32(i % points.x), f32(i / points.x));
 }
 
-// Cone of `size` pixels from `corner` on, sampled at `points` per side. If some points are outside the picture, the
-// centre of every pixel is used instead.
+// Returns a cone around `size` pixels that begin at `corner`, sampled at `points` points per side. If some points are outside the picture, the centre
+// of every pixel is used instead.
 fn cone_of(viewport: Viewport, corner: vec2<f32>, size: vec2<u32>, some_points: u32) -> Cone {
     var points = vec2(some_points);
     var first = corner;
@@ -58,8 +58,7 @@ fn cone_of(viewport: Viewport, corner: vec2<f32>, size: vec2<u32>, some_points: 
         }
         chord = max(chord, length(direction.xyz - axis));
         if whole {
-            // Between three consecutive points a smooth curve departs from their polygon by less than their second
-            // difference.
+            // Between three consecutive points, a smooth curve departs from the polygon through them by less than their second difference.
             let ahead = vec2<bool>(i % points.x + 2u < points.x, i / points.x + 2u < points.y);
             for (var axis_index = 0u; axis_index < 2u; axis_index++) {
                 if ahead[axis_index] {

@@ -1,5 +1,5 @@
-// The glare kernel in the pixels of a view, evaluated in four directions at a time. The importer binds the parameters
-// `sky`, and `kernel_table`.
+// The glare kernel in the pixels of a view, evaluated in four directions at a time. The importer binds the parameters `sky` and the table
+// `kernel_table`.
 
 #import glare/sky_cube/sprites
 #import shared/math
@@ -8,12 +8,12 @@
 // Whether the kernel is read from the table; otherwise it is the inverse square.
 override TABULATED: bool = false;
 
-// Squared angles from squared chords, for chords up to those of sprites.
+// Converts squared chords to squared angles, for chords up to those of sprites.
 fn near_angle_squared(squared: vec4<f32>) -> vec4<f32> {
     return squared * (1.0 + squared * (1.0 / 12.0) * (1.0 + squared * (2.0 / 15.0)));
 }
 
-// Squared angles from squared chords, for any chord.
+// Converts squared chords to squared angles, for any chord.
 fn angle_squared(squared: vec4<f32>) -> vec4<f32> {
     let sines = sqrt(squared);
     let cosines = sqrt(max(4.0 - squared, vec4(0.0)));
@@ -23,7 +23,7 @@ fn angle_squared(squared: vec4<f32>) -> vec4<f32> {
     return select(near_angle_squared(squared), 4.0 * half * half, squared > vec4(0.05));
 }
 
-// The kernel in the view's pixels, 1/sr, from squared chords and squared angles.
+// Returns the kernel in the view's pixels, 1/sr, computed from squared chords and squared angles.
 fn kernel_in_view(view: GlareView, squared: vec4<f32>, angles_squared: vec4<f32>) -> vec4<f32> {
     let u = squared / view.core_squared;
     let core = view.core.x + u * (view.core.y + u * view.core.z);
@@ -56,7 +56,7 @@ fn set_lane(four: ptr<function, Directions4>, lane: u32, direction: vec3<f32>) {
     (*four).z = select((*four).z, vec4(direction.z), here);
 }
 
-// Squared chords from a direction.
+// Returns the squared chords from a direction.
 fn chords_squared(directions: Directions4, other: vec3<f32>) -> vec4<f32> {
     let x = directions.x - other.x;
     let y = directions.y - other.y;
@@ -64,7 +64,7 @@ fn chords_squared(directions: Directions4, other: vec3<f32>) -> vec4<f32> {
     return x * x + y * y + z * z;
 }
 
-// Kernel of a sprite in four directions. It is free of branches, since a software driver would execute all of them.
+// Returns the kernel of a sprite in four directions. It has no branches, since a software driver would execute all of them.
 fn sprite_kernel(view: GlareView, sprite: GlareSprite, directions: Directions4) -> vec4<f32> {
     let squared = chords_squared(directions, sprite.direction);
     let share = min(squared * sprite.inverse_squared, vec4(1.0));

@@ -1,4 +1,4 @@
-// The light that cells scatter towards a point by the kernel of a level, which is added to the light of the coarser level.
+// The light that the kernel of a level scatters from cells towards a point. It is added to the light of the coarser level.
 
 #import glare/sky_cube/cells
 #import structs/GlareCell
@@ -10,7 +10,7 @@
 // The coarser level, sharpened, with a rim of one point.
 @group(0) @binding(3) var<storage, read> map: array<vec4<f32>>;
 
-// Kernel at squared chords.
+// Returns the kernel at squared chords.
 fn weights(squared: vec4<f32>) -> vec4<f32> {
     let place = min(squared, vec4(parameters.end_squared)) * parameters.entries;
     let entry = vec4<u32>(place);

@@ -1,5 +1,5 @@
-// Adds up light from the cells of the sky at the points of a level of the glare map. The chosen source provides the weight of
-// a cell by its distance, the light of a cell, and the light to which the sum is added. The input is described in
+// Adds up light from the cells of the sky at the points of a level of the glare map. The chosen source provides three functions: the weight of a cell
+// as a function of its distance, the light of a cell, and the light to which the sum is added. The input is described in
 // crates/render/src/plan/glare/sky_cube.
 
 #import constants/glare_map

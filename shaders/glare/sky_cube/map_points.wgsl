@@ -9,13 +9,13 @@
 #import shared/math
 #import shared/projection
 
-// Unit vector to a place on a face with `edge` cells along an edge, in points from the first one of its rim.
+// Returns the unit vector to a position on a face with `edge` cells along an edge. The position is in points, from the first one of the face's rim.
 fn direction_at(edge: u32, face: u32, place: vec2<f32>) -> vec3<f32> {
     let tangents = (2.0 * (place - f32(RIM)) + 1.0) / f32(edge) - 1.0;
     return normalize(face_from_face(0u, face, vec3(tangents.x, -tangents.y, -1.0)));
 }
 
-// Unit vector to the centre of a workgroup's points.
+// Returns the unit vector to the centre of a workgroup's points.
 fn direction_of_group(edge: u32, group: vec3<u32>) -> vec3<f32> {
     return direction_at(edge, group.z, vec2<f32>(group.xy * MAP_SIDE) + 0.5 * f32(MAP_SIDE - 1u));
 }
@@ -30,7 +30,7 @@ struct Points {
     z: vec4<f32>,
 }
 
-// Points of an invocation.
+// Returns the points of an invocation.
 fn points_of(edge: u32, group: vec3<u32>, local: vec3<u32>) -> Points {
     var points: Points;
     points.first = group * vec3(MAP_SIDE, MAP_SIDE, 1u) + vec3(local.x, 4u * local.y, 0u);
@@ -43,13 +43,13 @@ fn points_of(edge: u32, group: vec3<u32>, local: vec3<u32>) -> Points {
     return points;
 }
 
-// Index of one of the points.
+// Returns the index of one of the points.
 fn index_of(edge: u32, points: Points, i: u32) -> u32 {
     let row_points = edge + 2u * RIM;
     return (points.first.z * row_points + points.first.y + i) * row_points + points.first.x;
 }
 
-// Squared chords from the points to a direction.
+// Returns the squared chords from the points to a direction.
 fn squared_chords(points: Points, direction: vec3<f32>) -> vec4<f32> {
     let x = points.x - direction.x;
     let y = points.y - direction.y;
@@ -57,8 +57,8 @@ fn squared_chords(points: Points, direction: vec3<f32>) -> vec4<f32> {
     return x * x + y * y + z * z;
 }
 
-// Range of tangents along one axis of a face that a cone around a direction covers; `along` and `forward` are
-// components of the direction. If the cone does not reach the face, the first value is larger.
+// Returns the range of tangents along one axis of a face that a cone around a direction covers; `along` and `forward` are components of the
+// direction. If the cone does not reach the face, the first value is larger.
 fn reached(along: f32, forward: f32, sine: f32) -> vec2<f32> {
     let size = length(vec2(along, forward));
     if sine >= size {
@@ -82,7 +82,8 @@ struct CellRange {
     is_empty: bool,
 }
 
-// Cells of a face with `edge` cells along an edge that a cone around a direction reaches. `sine`: that of the cone's half angle; 2: all.
+// Returns the cells of a face with `edge` cells along an edge that a cone around a direction reaches. `sine`: sine of the cone's half angle; 2: all
+// cells.
 fn cells_reached(edge: u32, face: u32, direction: vec3<f32>, sine: f32) -> CellRange {
     let on_face = face_from_face(face, 0u, direction);
     let columns = reached(on_face.x, -on_face.z, sine);

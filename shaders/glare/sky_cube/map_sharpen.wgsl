@@ -1,5 +1,5 @@
-// Sharpens a level of the glare map to compensate the smoothing by quadratic B-splines, which take one eighth of each
-// neighbour along either axis. The rim shrinks by one point.
+// Sharpens a level of the glare map, to compensate for the smoothing by quadratic B-splines, which add one eighth of each neighbour along either
+// axis. The rim shrinks by one point.
 
 #import constants/workgroups
 #import structs/GlareSharpenParameters

@@ -23,7 +23,7 @@ fn add_near(light: ptr<function, Light8>, view: GlareView, directions: array<Dir
             let squared = own + soft;
             var kernel = kernel_in_view(view, squared, angle_squared(squared));
             if extended {
-                // The omitted share is drawn on the source itself: a bump of twice its radius with integral 1.
+                // The omitted share is drawn on the source itself, as a bump of twice its radius whose integral is 1.
                 let inside = max(1.0 - own / (4.0 * soft), vec4(0.0));
                 kernel += f32(near[i].parts & SHARE_PARTS) / f32(SHARE_PARTS) * 3.0 / (PI * 4.0 * soft) * inside * inside;
             }

@@ -1,5 +1,5 @@
-// Evaluates the light that bodies scatter in the eye at the points of a grid over each picture, and marks the points where it is
-// too steep for interpolation: those next to a source.
+// Evaluates the light that bodies scatter in the eye at the points of a grid over each picture, and marks the points next to a source, at which this
+// light is too steep for interpolation.
 
 #import constants/frame_lists
 #import constants/workgroups
@@ -19,7 +19,7 @@
 @group(0) @binding(6) var<storage, read> kernel_table: array<f32>;
 @group(0) @binding(7) var<storage, read_write> grid_points: array<vec4<f32>>;
 
-// Directions of four points below each other.
+// Returns the directions of four points, one below the other.
 fn directions_down(viewport: Viewport, top: vec2<u32>, spacing: u32) -> Directions4 {
     var four: Directions4;
     for (var one = 0u; one < u32(turns(viewport, 4)); one++) {
@@ -44,7 +44,7 @@ fn place_near(@builtin(global_invocation_id) place: vec3<u32>) {
         array<Directions4, 2>(directions_down(viewport, top, grid.spacing), directions_down(viewport, top + vec2(0u, 4u * grid.spacing), grid.spacing));
     var light: Light8;
     add_near(&light, view, directions);
-    // 1: next to a source, or where its parts replace it.
+    // 1: next to a source, or inside the region in which its parts replace it.
     var steep: array<vec4<f32>, 2>;
     for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
         let parts = select(near[i].parts, 0u, (near[i].parts & IS_EXTENDED) != 0u);

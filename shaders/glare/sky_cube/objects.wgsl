@@ -1,6 +1,6 @@
 // Glare of surfaces in display images whose veil is in their sums of light: removes the scattered part of the light of surfaces, and adds the light
-// scattered by bodies. Next to a source it is computed per pixel as in shaders/glare/composite.wgsl, since the veil of a bright body is too curved
-// there for a grid of points.
+// scattered by bodies. Next to a source the glare is computed per pixel as in shaders/glare/composite.wgsl, since the veil of a bright body is too
+// curved there for a grid of points.
 
 #import constants/frame_lists
 #import constants/pixel_grid
@@ -30,7 +30,7 @@
 // Runs of ROWS rows per workgroup, with one invocation per column.
 override ROW_GROUPS: u32;
 
-// Replaces the scattered fraction of a pixel's own light by the light that is scattered towards the pixel.
+// Removes the scattered fraction of a pixel's own light, and adds the light that is scattered towards the pixel.
 fn scatter_in_pixel(index: u32, scattered: vec3<f32>) {
     let before = geometry[index];
     if all(before.xyz == vec3(0u)) && all(scattered == vec3(0.0)) {

@@ -24,11 +24,11 @@
 @group(1) @binding(6) var<storage, read> lists: array<u32>;
 @group(1) @binding(7) var<storage, read> kernel_table: array<f32>;
 
-// Light of the map for eight pixels of a column.
+// Returns the light of the map for eight pixels of a column.
 fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directions: array<Directions4, 2>) -> Light8 {
     var light: Light8;
     if FLAT {
-        // The map is smooth over many pixels of such views, so a parabola through three rows serves eight pixels.
+        // In such views the map is smooth over many pixels, so a parabola through three rows serves eight pixels.
         let first = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top));
         let middle = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top + vec2(0.0, 3.5)));
         let last = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top + vec2(0.0, 7.0)));
@@ -65,7 +65,7 @@ fn add_sprite(light: ptr<function, Light8>, view: GlareView, sprite: GlareSprite
 fn add_from_sky(light: ptr<function, Light8>, view: GlareView, directions: array<Directions4, 2>) {
     let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
     let last = chords_squared(directions[1], first);
-    // Pixels beyond a rim have no direction; their chord is 1, which is large enough.
+    // Pixels beyond a rim have no direction. Their chord is set to 1, which is large enough.
     let chord = sqrt(max(max(last.x, last.y), max(last.z, last.w)));
     for (var r = 0u; r < sky.regions; r++) {
         let region = sprite_cells[r];
@@ -97,7 +97,7 @@ fn scattered_towards(viewport: Viewport, tile: Tile, position: vec3<u32>) -> Lig
     let list = list_of_block(sky, block);
     let squares = square_grid(sky);
     let square = ((block.z * squares.y + block.y / SQUARE_BLOCKS) * squares.x + block.x / SQUARE_BLOCKS) * sky.square_words;
-    // If the block's list is incomplete, use the list of its square; if that is incomplete too, search all sprites.
+    // If the block's list is incomplete, use the list of its square. If that list is incomplete too, search all sprites.
     var count = lists[list];
     let from_square = count >= sky.list_words;
     if from_square {

@@ -1,4 +1,4 @@
-// Sources drawn individually, for the passes that search for them and that draw them.
+// Sources drawn individually, for the passes that find them and the pass that draws them.
 
 #import constants/glare_sprites
 #import structs/GlareSprite
@@ -10,7 +10,7 @@ fn square_grid(parameters: SkyCubeParameters) -> vec3<u32> {
     return vec3((vec2(parameters.columns, parameters.rows) + SQUARE_BLOCKS - 1u) / SQUARE_BLOCKS, parameters.tiles);
 }
 
-// First word of the list of a block.
+// Returns the first word of the list of a block.
 fn list_of_block(parameters: SkyCubeParameters, block: vec3<u32>) -> u32 {
     let number = (block.z * parameters.rows + block.y) * parameters.columns + block.x;
     return parameters.first_list + number * parameters.list_words;

@@ -35,7 +35,7 @@ fn assign_sprites(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     let square = ((group.z * squares.y + group.y) * squares.x + group.x) * parameters.square_words;
     let found = lists[square];
     if found >= parameters.square_words {
-        // The list of the square is incomplete, so the lists of its blocks are too.
+        // The list of the square is incomplete, so the lists of its blocks are incomplete too.
         lists[list] = parameters.list_words;
         return;
     }

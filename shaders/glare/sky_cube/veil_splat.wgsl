@@ -1,6 +1,5 @@
-// Adds the veil of bright single sources to the sums of light of a batch. One or several invocations take one source
-// and one tile, four pixels of a row at a time. Sources are sorted by reach, so that invocations of a workgroup have
-// similar amounts of work.
+// Adds the veil of bright single sources to the sums of light of a batch. One or several invocations take one source and one tile, and process four
+// pixels of a row at a time. Sources are sorted by reach, so that invocations of a workgroup have similar amounts of work.
 
 #import constants/frame_lists
 #import constants/rec709
@@ -24,8 +23,7 @@
 
 override WORKGROUP: u32;
 
-// Whether a direction outside a round picture is farther from the picture than a chord. The nearest point of the
-// picture is on the rim.
+// Whether a direction outside a round picture is farther from the picture than the given chord. The nearest point of the picture is on the rim.
 fn lies_beyond_rim(viewport: Viewport, direction: vec3<f32>, projected: vec3<f32>, chord: f32) -> bool {
     if !is_fisheye(viewport) || viewport.full_sphere != 0u || projected.z == 0.0 {
         return false;
@@ -36,9 +34,8 @@ fn lies_beyond_rim(viewport: Viewport, direction: vec3<f32>, projected: vec3<f32
     return rho > 1.0 && length(direction - at_rim) > chord;
 }
 
-// Whether a unit direction is outside one of the planes through the eye and the edges of a flat picture by more than an
-// angle, given by its sine. Near the eye's plane, where pixels grow without bound, the veil would otherwise seem to
-// reach all of them.
+// Whether a unit direction is outside one of the planes through the eye and the edges of a flat picture, by more than an angle whose sine is given.
+// Without this test, the veil would seem to reach all pixels near the eye's plane, because pixel coordinates grow there without bound.
 fn lies_beside(viewport: Viewport, direction: vec3<f32>, sine: f32) -> bool {
     let first = -viewport.plane_offset / viewport.plane_scale;
     let last = (vec2<f32>(viewport.size) - viewport.plane_offset) / viewport.plane_scale;
@@ -49,7 +46,7 @@ fn lies_beside(viewport: Viewport, direction: vec3<f32>, sine: f32) -> bool {
     return any(min(before, beyond) < vec2(-sine));
 }
 
-// Range of pixels that the veil of a source may reach.
+// Returns the range of pixels that the veil of a source may reach.
 fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gaussian {
     // Chords of sprites are so short that 1.01 times the chord exceeds the angle.
     let cut = 1.01 * chord;
@@ -61,8 +58,7 @@ fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gauss
         if near.outside > cut {
             reached.last.y = -1;
         } else if near.shorter > 0.0 {
-            // The region within `cut` of the source is contained in that around a nearby position, with `cut` enlarged
-            // by their distance.
+            // The region within `cut` of the source is inside the region around a nearby position, if `cut` is enlarged by the distance of the two.
             let around = cut + 2.0 * asin(min(0.5 * length(near.direction - direction), 1.0));
             let reach = gaussian_reach(viewport, near.direction, near.shorter, around);
             reached = gaussian_around(viewport, near.direction, near.pixel, reach, 1.0, around);
@@ -80,7 +76,7 @@ fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gauss
         let reach = gaussian_reach(viewport, direction, pixel_extent(viewport, direction).y, cut);
         reached = gaussian_around(viewport, direction, projected.xy, reach, 1.0, cut);
     } else if direction.z > cut {
-        // The source has no image and is too far behind the edge of the region with images.
+        // The source has no image and is too far outside the region of directions that have images.
         reached.last.y = -1;
     }
     if viewport.kind != KIND_EQUIRECTANGULAR {
@@ -133,8 +129,7 @@ fn splat_veils(@builtin(global_invocation_id) place: vec3<u32>) {
             let pixel = gaussian_pixel(viewport, vec2(position.x + lane, position.y));
             if position.x + lane <= last.x && kernel[lane] > 0.0 && contains(viewport, pixel) {
                 let light = sprite.light * (kernel[lane] * solid_angle(viewport, pixel) * parameters.units_per_lx);
-                // Many pixels receive a fraction of a unit. A single threshold for all of them would round their sum
-                // with a bias.
+                // Many pixels receive a fraction of a unit. With a single threshold for all of them, rounding would bias their sum.
                 let tap = f32(4 * i + lane);
                 let index = tile.first_pixel + u32((pixel.y - row_0) * i32(viewport.size.x) + pixel.x);
                 accumulate(index, floor(light + fract(threshold + tap * 0.61803399)));

@@ -1,5 +1,4 @@
-// Counts the stars of the catalogue whose images are in a picture, for methods that draw with the graphics pipeline and
-// therefore cannot count.
+// Counts the stars of the catalogue whose images are in a picture. It is for methods that draw with the graphics pipeline, which cannot count.
 
 #import constants/counters
 #import constants/frame_lists

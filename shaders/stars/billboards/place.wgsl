@@ -1,6 +1,5 @@
-// Vertex shader of all blending star methods: one instance per star of the catalogue, in its order, with four vertices
-// of a square (one point for hardware points). Stars outside the picture collapse to nothing, as the published geometry
-// shader drops them.
+// Vertex shader of all blending star methods. There is one instance per star, in the order of the catalogue, with the four vertices of a square (or
+// one point for hardware points). Squares of stars outside the picture get no area, because the published geometry shader drops these stars.
 
 #import constants/billboards
 #import shared/math
@@ -16,10 +15,10 @@ override LAW: u32;
 
 // Outside every picture.
 const NOWHERE = vec4<f32>(2.0, 2.0, 2.0, 1.0);
-// Points beyond the eye's plane are clipped; this avoids a division by 0.
+// Points behind the eye's plane are clipped; this avoids a division by 0.
 const LEAST_W: f32 = 1e-6;
 
-// Magnitude of an illuminance in lx.
+// Returns the magnitude of an illuminance in lx.
 fn magnitude_of(illuminance: f32) -> f32 {
     return -2.5 * 0.301029996 * log2(illuminance / MAGNITUDE_0_LX);
 }
@@ -29,7 +28,7 @@ fn map_range(value: f32, low: f32, high: f32, to_low: f32, to_high: f32) -> f32 
     return to_low + (clamp(value, low, high) - low) / (high - low) * (to_high - to_low);
 }
 
-// Clip coordinates of a position in the plane's axes.
+// Returns the clip coordinates of a position in the plane's axes.
 fn clip_from_plane(place: vec3<f32>) -> vec4<f32> {
     let size = vec2<f32>(plane.size);
     let w = -place.z;
@@ -37,7 +36,7 @@ fn clip_from_plane(place: vec3<f32>) -> vec4<f32> {
     return vec4(2.0 * pixel_w.x / size.x - w, w - 2.0 * pixel_w.y / size.y, w - LEAST_W, w);
 }
 
-// Clip coordinates of a point of the picture.
+// Returns the clip coordinates of a point of the picture.
 fn clip_from_pixel(pixel: vec2<f32>) -> vec4<f32> {
     let ndc = 2.0 * pixel / vec2<f32>(plane.size) - 1.0;
     return vec4(ndc.x, -ndc.y, 0.5, 1.0);
@@ -53,8 +52,8 @@ fn outside(direction: vec3<f32>, sine_of_radius: f32) -> bool {
     return any(from_low < vec2(-sine_of_radius)) || any(from_high < vec2(-sine_of_radius));
 }
 
-// Right direction of the billboard: the view's right, rotated with the view axis to the star by the shortest arc. It is
-// the same on every face of a cube, and singular only behind the view.
+// Returns the right direction of the billboard: the view's right, rotated with the view axis to the star by the shortest arc. It is the same on every
+// face of a cube, and undefined only directly behind the view.
 fn right_of(direction: vec3<f32>) -> vec3<f32> {
     let d = vec3(
         dot(parameters.view_from_plane_x.xyz, direction),
@@ -110,8 +109,7 @@ fn place_star(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
         }
         case LAW_GAUSSIAN: {
             let magnitude_range = parameters.limiting_magnitude - parameters.saturation_magnitude;
-            // The published exponent exceeds the range of f32 a few magnitudes below zero; it is limited so that sums
-            // stay finite.
+            // The published exponent exceeds the range of f32 a few magnitudes below zero; it is limited to keep the sums finite.
             let brightness = min(
                 1e20, pow(2.512, magnitude_range * (parameters.saturation_magnitude - magnitude_of(illuminance))));
             luminance = brightness * parameters.white_cd_m2;
@@ -145,7 +143,7 @@ fn place_star(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
         }
         splat.right = right_of(direction);
         let up = cross(splat.right, direction);
-        // Slightly larger, since the fragment shader computes the profile's own border.
+        // The square is slightly larger, since the fragment shader computes the border of the profile itself.
         let side = 1.02 * tangent + 0.02 * abs(1.0 / plane.plane_scale.x);
         splat.position = clip_from_plane(direction + side * (corner.x * splat.right + corner.y * up));
         splat.centre = direction;

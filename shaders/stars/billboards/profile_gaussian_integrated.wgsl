@@ -3,8 +3,8 @@
 
 #import stars/billboards/billboard
 
-// 1 - erf(x) for x >= 0, with a relative error of 1.2e-7 in exact arithmetic, so that tails stay accurate: the
-// Chebyshev fit of Numerical Recipes (Press, Teukolsky, Vetterling, Flannery), chapter 6.2.
+// 1 - erf(x) for x >= 0, with a relative error of 1.2e-7 in exact arithmetic, so that tails stay accurate. It is the Chebyshev fit of Numerical
+// Recipes (Press, Teukolsky, Vetterling, Flannery), chapter 6.2.
 fn erfc_positive(x: f32) -> f32 {
     let t = 1.0 / (1.0 + 0.5 * x);
     let low = 0.27886807 + t * (-1.13520398 + t * (1.48851587 + t * (-0.82215223 + t * 0.17087277)));
@@ -12,7 +12,7 @@ fn erfc_positive(x: f32) -> f32 {
     return t * exp(series - x * x);
 }
 
-// Mean of exp(-u^2 / (2 sigma^2)) over the pixel from u - 1/2 to u + 1/2.
+// Returns the mean of exp(-u^2 / (2 sigma^2)) over the pixel from u - 1/2 to u + 1/2.
 fn mean_of_gaussian(u: f32, sigma2: f32) -> f32 {
     let scale = inverseSqrt(2.0 * sigma2);
     let a = (abs(u) - 0.5) * scale;

@@ -1,5 +1,5 @@
-// glare_disc: 0.8 of a cone of the same size for every star, and 0.2 of a glare that falls with the square of the angle
-// and grows with the billboard. The weights are those of the published program.
+// glare_disc: 0.8 of a cone of the same size for every star, and 0.2 of a glare that falls with the inverse square of the angle and grows with the
+// billboard. The weights are those of the published program.
 
 #import stars/billboards/billboard
 

@@ -1,5 +1,5 @@
-// psf_texture: a point-spread function by angles in the sky, stored after multiplication by the squared angle from its
-// centre, and cropped according to the star's brightness.
+// psf_texture: a point-spread function as a function of angles in the sky. It is stored after multiplication by the squared angle from its centre,
+// and cropped according to the star's brightness.
 
 #import stars/billboards/billboard
 #import stars/billboards/star_image

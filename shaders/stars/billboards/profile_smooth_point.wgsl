@@ -1,5 +1,5 @@
-// hardware_smooth_point: the share of a pixel covered by a disc with a diameter of one pixel, as drivers estimate it:
-// from the distance between the pixel's centre and the disc's edge only. The shares do not sum to 1.
+// hardware_smooth_point: the share of a pixel that is covered by a disc with a diameter of one pixel. Drivers estimate it only from the distance
+// between the pixel's centre and the disc's edge, so the shares do not sum to 1.
 
 #import stars/billboards/billboard
 

@@ -3,7 +3,7 @@
 #import profile = stars/billboards/profile_*
 #import stars/billboards/billboard
 
-// Position on the billboard in units of its half side, to the right and up; far away for points behind the eye.
+// Returns the position on the billboard in units of its half side, to the right and up; far away for points behind the eye.
 fn on_billboard(star: Splat) -> vec2<f32> {
     let direction = normalize(vec3((star.position.xy - plane.plane_offset) / plane.plane_scale, -1.0));
     let along = dot(direction, star.centre);
@@ -14,7 +14,7 @@ fn on_billboard(star: Splat) -> vec2<f32> {
     return vec2(dot(direction, star.right), dot(direction, up)) / (along * star.size.x);
 }
 
-// Offset of the pixel's centre from the star's image, pixels.
+// Returns the offset of the pixel's centre from the star's image, pixels.
 fn pixels_from_star(star: Splat) -> vec2<f32> {
     return star.position.xy - star.centre.xy;
 }

@@ -1,4 +1,4 @@
-// Image of a star, read with bilinear interpolation; black outside.
+// Image of a star, read with bilinear interpolation. It is black outside.
 
 @group(2) @binding(0) var star_image: texture_2d<f32>;
 

@@ -9,7 +9,7 @@ use crate::chart::ViewShape;
 pub struct AsteroidExtent {
     /// Numbers of asteroids in the first view, increasing.
     pub instances: Vec<u32>,
-    /// The views: all of [`Self::instances`] in the first one, [`Self::other_views_instances`] in each of the others.
+    /// The views. The first one is timed with all of [`Self::instances`], each of the others with [`Self::other_views_instances`].
     pub views: Vec<ViewShape>,
     /// Number of asteroids in the other views.
     pub other_views_instances: u32,
@@ -26,7 +26,7 @@ pub struct AsteroidExtent {
 }
 
 impl AsteroidExtent {
-    /// Size of a quick run.
+    /// Returns the size of a quick run.
     pub(in crate::chart) fn quick() -> Self {
         Self {
             instances: vec![1000, 5000, 20_000],
@@ -40,11 +40,10 @@ impl AsteroidExtent {
         }
     }
 
-    /// The published numbers and more: up to one million on a software driver, up to the binding limit on a GPU with
-    /// dedicated memory.
+    /// Returns the size of a full run. It has the published numbers and more: up to one million on a software driver, and up to the binding limit on
+    /// a GPU with dedicated memory.
     pub(in crate::chart) fn full(discrete_gpu: bool) -> Self {
-        // If a frame with many asteroids is skipped, small fields show how the time grows. 100 thousand was published
-        // too.
+        // If a frame with many asteroids is skipped, small fields show how the time grows. The number 100 thousand is among the published ones.
         let mut instances = if discrete_gpu { vec![100_000] } else { vec![10_000, 30_000, 100_000] };
         instances.extend((1..=8).map(|quarters| quarters * 250_000).chain([4_000_000]));
         if discrete_gpu {

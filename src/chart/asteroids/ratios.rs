@@ -1,5 +1,5 @@
-//! Ratios that show whether work is shared: a field outside of every view to a visible one, culling for two eyes to
-//! one, culling for six cube faces to one equirectangular picture. Both sides of a ratio are drawn in turn.
+//! Ratios that show whether work is shared: the time for a field outside of every view relative to that for a visible one, culling for two eyes
+//! relative to one, and culling for six cube faces relative to one equirectangular picture. Both sides of a ratio are drawn in turn.
 
 use super::{
     AsteroidExtent, Place,

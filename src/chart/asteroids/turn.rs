@@ -25,7 +25,7 @@ pub struct Parts {
     pub layers_ms: f64,
     /// Compositing into the pictures, which includes bodies.
     pub geometry_ms: f64,
-    /// Drawing points; there are no stars.
+    /// Drawing points, which are asteroids, because there are no stars.
     pub points_ms: f64,
 }
 
@@ -44,12 +44,12 @@ impl Parts {
         })
     }
 
-    /// Total time.
+    /// Returns the total time.
     pub fn whole_ms(&self) -> f64 {
         self.plan_ms + self.cull_ms + self.layers_ms + self.geometry_ms + self.points_ms
     }
 
-    /// Time of planning and culling.
+    /// Returns the time of planning and culling.
     pub fn culling_ms(&self) -> f64 {
         self.plan_ms + self.cull_ms
     }

@@ -37,7 +37,7 @@ pub const SHAPE_SEED: u64 = 3;
 /// Position and direction of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// Outside, the whole field on screen.
+    /// Outside of the field, with the whole field on screen.
     Before,
     /// Same position, facing away: no view sees the field.
     TurnedAway,

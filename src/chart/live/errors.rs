@@ -1,4 +1,4 @@
-//! Errors of the delivered display images: images of a budget against exact ones, at the poses of the turning camera.
+//! Errors of the delivered display images: compares images of a budget with exact ones, at the poses of the turning camera.
 
 use std::{path::Path, sync::Arc};
 
@@ -18,13 +18,13 @@ use crate::{
 /// Errors of a view with one budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Found {
-    /// Error that 99.9 % of the channels do not exceed, codes; the largest over the poses.
+    /// Error that 99.9 % of the channels do not exceed, codes; maximum over the poses.
     pub most_codes: f64,
     /// Largest error, codes.
     pub largest_codes: f64,
-    /// Number of stars in view; the mean over the poses.
+    /// Mean number of stars in view over the poses.
     pub stars_in_view: f64,
-    /// Number of stars that are drawn one by one; the others are read from a map. The mean over the poses.
+    /// Mean number, over the poses, of the stars that are drawn one by one; the others are read from a map.
     pub stars_drawn: f64,
 }
 
@@ -47,7 +47,7 @@ impl Compared {
         Ok(Self { config, scene })
     }
 
-    /// Number of stars in the catalogues.
+    /// Returns the number of stars in the catalogues.
     pub fn stars(&self) -> u64 {
         self.scene.stars.stars.len() as u64
     }

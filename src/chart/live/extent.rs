@@ -24,14 +24,14 @@ pub struct LiveScene {
     pub text: String,
     /// Names of the measured views.
     pub views: Vec<String>,
-    /// Budgets of display images, codes of 8 bits, ascending.
+    /// Budgets of display images, 8-bit codes, ascending.
     pub budgets_codes: Vec<f64>,
     /// Overrides of keys, `key=value`.
     pub set: Vec<String>,
 }
 
 impl LiveScene {
-    /// Returns the overrides of keys with those of a budget, codes of 8 bits.
+    /// Returns the overrides of keys, including that of a budget in 8-bit codes.
     pub(super) fn overrides(&self, codes: f64) -> Vec<String> {
         let budget = format!("accuracy.display_codes={codes:?}");
         self.set.iter().cloned().chain([budget]).collect()
@@ -71,14 +71,13 @@ impl LiveExtent {
         Self { scenes: SCENES.into_iter().zip(budgets_codes).map(scene).collect(), rounds, round, poses, budget }
     }
 
-    /// Size of a quick run. Half of its time passes until the daemons have started, so most configurations have two
-    /// budgets.
+    /// Returns the size of a quick run. The daemons need half of its time to start, so most configurations have only two budgets.
     pub(in crate::chart) fn quick() -> Self {
         let two: &[f64] = &[0.5, 2.0];
         Self::new([two, two, &[0.5], two], 2, Duration::from_millis(700), 2, Duration::from_secs(100))
     }
 
-    /// Size of a full run.
+    /// Returns the size of a full run.
     pub(in crate::chart) fn full() -> Self {
         Self::new([&[0.25, 0.5, 1.0, 2.0]; SCENES.len()], 5, Duration::from_secs(3), 4, Duration::from_secs(600))
     }

@@ -1,5 +1,5 @@
-//! The axis `live`: the daemon as users run it. Measures frames per second that a daemon delivers to a client as RGBA of 8 bits while the camera
-//! turns, and the errors of these images, for several budgets (`accuracy.display_codes`).
+//! The axis `live`: the daemon as users run it. Measures frames per second that a daemon delivers to a client as 8-bit RGBA while the camera turns,
+//! and the errors of these images, for several budgets (`accuracy.display_codes`).
 //!
 //! Each configuration runs in one daemon per budget, because the budget is a key of the configuration. All daemons run at
 //! the same time and take turns in rounds, so that other activity of the machine affects all of them alike; daemons without
@@ -24,11 +24,11 @@ use super::{Axis, Budget, ChartError, ReportStep, Row, Step, timing::Spread};
 use crate::render::Renderer;
 use std::time::Duration;
 
-/// Number of frames before the first round of a view that are not counted. They build the map of faint light and other data.
+/// Number of uncounted frames before the first round of a view. They build the map of faint light and other data.
 const FIRST_SKIPPED: usize = 12;
-/// Number of frames before the other rounds that are not counted.
+/// Number of uncounted frames before each of the other rounds.
 const SKIPPED: usize = 3;
-/// Turn of the camera, degrees per second.
+/// Turning rate of the camera, degrees per second.
 pub const LIVE_TURN_DEG_S: f64 = 5.0;
 
 /// A configuration with a budget.
@@ -103,7 +103,7 @@ impl Run<'_> {
 }
 
 impl Shown<'_> {
-    /// Returns the spread over the rounds of a figure; `None` if there is no round, or if a later round failed.
+    /// Returns the spread of a figure over the rounds; `None` if there is no round, or if a later round failed.
     fn spread(&self, figure: impl Fn(&LiveRound) -> f64) -> Option<Spread> {
         let values: Vec<f64> = self.rounds.iter().map(figure).collect();
         Spread::from_values(&values).filter(|_| self.failure.is_none())

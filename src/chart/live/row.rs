@@ -9,9 +9,9 @@ use crate::{
 /// Figure of a row of the axis `live`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LiveMetric {
-    /// Error that 99.9 % of the channels of the display image do not exceed, codes of 8 bits.
+    /// Error that 99.9 % of the channels of the display image do not exceed, 8-bit codes.
     Error999Codes,
-    /// Largest error of the display image, codes of 8 bits.
+    /// Largest error of the display image, 8-bit codes.
     ErrorLargestCodes,
     /// Frames per second that arrive.
     FramesPerS,
@@ -43,10 +43,10 @@ impl LiveMetric {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Error999Codes => {
-                "error that 99.9 % of the channels do not exceed, against the exact image, codes of 8 bits before rounding"
+                "error that 99.9 % of the channels do not exceed, relative to the exact image, 8-bit codes before rounding"
             }
-            Self::ErrorLargestCodes => "the largest error, codes of 8 bits before rounding",
-            Self::FramesPerS => "frames per second that reach a client as RGBA of 8 bits",
+            Self::ErrorLargestCodes => "the largest error, 8-bit codes before rounding",
+            Self::FramesPerS => "frames per second that reach a client as 8-bit RGBA",
             Self::PoseAgeMs => "time from the arrival of a pose at the daemon to the arrival of its frame, median, ms",
             Self::Ev100 => "exposure of the delivered frames, EV at ISO 100",
             Self::Pixels => "pixels of a delivered frame",
@@ -56,7 +56,7 @@ impl LiveMetric {
     }
 }
 
-/// Name of the method: the budget.
+/// Returns the name of the method, which is the budget.
 pub(super) fn method(codes: f64) -> String {
     format!("{codes} codes")
 }
@@ -71,7 +71,7 @@ pub(in crate::chart) fn keeps_budget(budget_codes: f64, most_codes: f64, largest
     most_codes <= budget_codes && largest_codes <= 4.0 * budget_codes
 }
 
-/// Returns the rows of a configuration, whose daemons `runs` have measured.
+/// Returns the rows of a configuration from `runs`, the measurements of its daemons.
 pub(super) fn rows(
     renderer: &mut Renderer,
     scene: &LiveScene,
@@ -89,7 +89,7 @@ pub(super) fn rows(
         evs.sort_by(f64::total_cmp);
         let view = compared.as_ref().map_err(Clone::clone).and_then(|compared| compared.view(name));
         let size = view.as_ref().map_or([0; 2], |(_, size)| *size);
-        // The budgets have the same exposure, except for differences of a view that is metered while it turns.
+        // All budgets have the same exposure, except that it differs a little if the view is metered while it turns.
         let errors = match (&compared, &view, evs.get(evs.len() / 2)) {
             (Ok(compared), Ok((rig, _)), Some(&ev100)) => {
                 compared.errors(renderer, rig, &scene.budgets_codes, ev100, extent.poses)?
@@ -148,7 +148,7 @@ fn one_line(reason: &str) -> String {
     reason.split_whitespace().collect::<Vec<_>>().join(" ").replace("; ", ", ")
 }
 
-/// Median times of the parts of a frame in the daemon, ms.
+/// Describes the median times of the parts of a frame in the daemon, ms.
 fn passes_note(shown: &Shown<'_>, rounds: usize) -> String {
     let parts = shown.rounds.iter().max_by_key(|round| round.parts_ms.len()).map_or(&[][..], |round| &round.parts_ms);
     let part = |name: &str| {

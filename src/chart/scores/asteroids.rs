@@ -253,7 +253,7 @@ fn compare_cell(scenes: &AsteroidScenes, cell: &Cell, drawn: &Drawn, truth: &Tru
     }
     let [ours_lx, right_lx] = [0, 1].map(|side| sums.iter().map(|sums| sums[side]).sum::<f64>());
     let light = (right_lx > 0.0).then(|| ours_lx / right_lx - 1.0);
-    // Normals, reconstructed from the three pictures where both silhouettes cover enough.
+    // Reconstruct the normals from the three pictures, in pixels that both silhouettes cover sufficiently.
     let brightest = pictures.iter().flat_map(|[_, right]| right).copied().fold(0.0, f64::max);
     let normal = |side: usize, pixel: usize| {
         let luminances = [0, 1, 2].map(|sun| pictures[sun][side][pixel]);

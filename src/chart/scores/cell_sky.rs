@@ -232,7 +232,7 @@ impl Sky<'_> {
         ])
     }
 
-    /// Nothing is accumulated, so the result must not depend on the order or on the run.
+    /// Compares repeated pictures. The sky accumulates nothing, so they must not depend on the order or on the run.
     fn order(&mut self, size: ScoringSize, time: std::time::Duration) -> Result<Vec<Score>, Failure> {
         let mut draw = |scene: &super::Scene, ev100: f64| {
             let settings = settings_of(StarMethod::CellSky, ev100, f64::INFINITY);

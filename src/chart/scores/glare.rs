@@ -24,7 +24,7 @@ use crate::{
 pub enum GlareMetric {
     /// Root mean square relative error of the veil over pixels spread evenly over the picture.
     VeilRms,
-    /// The largest of these errors.
+    /// Largest relative error of the veil over these pixels.
     VeilLargest,
     /// Largest deviation from the mean on a circle around an off-axis source.
     Roundness,
@@ -58,9 +58,13 @@ impl GlareMetric {
                 "largest deviation from the mean around a source 45 and 60 degrees off the axis, or 0.85 of the half field"
             }
             Self::Slope => "slope of log luminance over log angle around one source: -2 is right",
-            Self::FromOutside => "veil of a source 2 degrees outside of the picture over the correct one: 1 is right",
+            Self::FromOutside => {
+                "veil of a source 2 degrees outside of the picture divided by the correct one: 1 is right"
+            }
             Self::Seam => "largest step of the veil across a cube's edge, relative to the correct value",
-            Self::FluxKept => "scattered light of one source inside of the picture over the correct one: 1 is right",
+            Self::FluxKept => {
+                "scattered light of one source inside of the picture divided by the correct one: 1 is right"
+            }
         }
     }
 
@@ -121,7 +125,7 @@ fn score(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Scores<GlareMe
     Ok(Scores(scores))
 }
 
-/// Returns the images in the form of metrics, in camera axes.
+/// Returns the images in the form that the metrics need, in camera axes.
 fn hdr_views<'a>(images: &'a [ViewImage], pixels: &'a [Pixels]) -> Result<Vec<HdrView<'a>>, Failure> {
     let view = |(index, image): (usize, &'a ViewImage)| {
         Ok(HdrView::new(image.projection.mapping(), pixels_of(pixels, index)?)?.turned(image.camera_from_view))
@@ -159,7 +163,10 @@ fn round(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Fa
         .map(|source| format!("{:.0}", source.direction.angle_between(DVec3::NEG_Z).to_degrees()))
         .collect();
     let circle = scenes.circle_rad.to_degrees();
-    Ok(vec![Score { value: Some(worst), note: format!("{} degrees off, {circle:.1} around", angles.join(" and ")) }])
+    Ok(vec![Score {
+        value: Some(worst),
+        note: format!("{} degrees off the axis, on circles of radius {circle:.1} degrees", angles.join(" and ")),
+    }])
 }
 
 /// Measures the falloff around a source.

@@ -16,7 +16,7 @@ use crate::{
     view::projection::{BoundingCone, PlaneMapping},
 };
 
-/// Exposure of the scenes whose figures are taken before exposure: a typical night.
+/// Exposure of the scenes whose figures are computed from the light before exposure; that of a typical night.
 pub(super) const NIGHT_EV100: f64 = -8.0;
 
 /// Returns the pixels of an image of a frame.
@@ -32,7 +32,7 @@ pub(super) fn root_mean_square(values: &[f64]) -> Option<f64> {
     Some(mean(&values.iter().map(|value| value * value).collect::<Vec<_>>())?.sqrt())
 }
 
-/// Standard deviation over mean; `None` if the mean is 0.
+/// Returns the standard deviation divided by the mean; `None` if the mean is 0.
 pub(super) fn deviation_over_mean(values: &[f64]) -> Option<f64> {
     let middle = mean(values).filter(|middle| *middle > 0.0)?;
     Some(root_mean_square(&values.iter().map(|value| value - middle).collect::<Vec<_>>())? / middle)
@@ -252,7 +252,7 @@ impl Scorer<'_> {
         Ok(vec![Score::from_value(kept.map(|kept| (scale * kept - 1.0).abs()).into_iter().fold(0.0, f64::max))])
     }
 
-    /// Compares pictures of the same stars in different orders, and in the same order again.
+    /// Compares pictures of the same stars in different orders, and two pictures in the same order.
     pub(super) fn order(&mut self) -> Result<Vec<Score>, Failure> {
         let mut frames = Vec::new();
         let crowd = if self.cell_px > 32 { self.size.crowd / 8 } else { self.size.crowd };
@@ -286,7 +286,7 @@ impl Scorer<'_> {
         }
         if !difference.identical {
             found.note += &format!(
-                ", largest difference {:.1e} of the brightest channel, {:.1e} of the same channel",
+                ", largest difference {:.1e} relative to the brightest channel, {:.1e} relative to the same channel",
                 difference.largest_of_brightest, difference.largest_relative
             );
         }

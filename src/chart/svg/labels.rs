@@ -2,7 +2,7 @@
 
 /// Height of a label, pixels.
 pub const HEIGHT: f64 = 12.0;
-/// Mean width of a character at font size 11, pixels; generous.
+/// Mean width of a character at font size 11, pixels; a generous estimate.
 const CHARACTER: f64 = 6.6;
 /// Clearance around marks, including rings, pixels.
 const MARK: f64 = 9.0;
@@ -49,9 +49,9 @@ pub struct Placed {
     pub far: bool,
 }
 
-/// Places the labels of points at (x, y), widths in pixels, within `frame`. Labels overlap neither each other nor a
-/// mark if there is room nearby; otherwise they take the position with the least overlap. They avoid `line`, a sequence
-/// of vertical and horizontal segments, if that costs nothing else.
+/// Places the labels of points at (x, y) within `frame`; widths are in pixels. Labels overlap neither each other nor a mark if there is room nearby;
+/// otherwise they take the position with the least overlap. They avoid `line`, a sequence of vertical and horizontal segments, if that causes no
+/// other overlap.
 pub fn place(points: &[([f64; 2], f64)], line: &[[f64; 2]], frame: Box4) -> Vec<Placed> {
     let marks: Vec<Box4> = points
         .iter()

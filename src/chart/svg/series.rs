@@ -1,4 +1,4 @@
-//! The picture of an axis about time only: one line per method, from workload to workload.
+//! The picture of an axis that has only times: one line per method, from workload to workload.
 
 use ::svg::node::element::{Polyline, Rectangle, Text, Title};
 
@@ -134,7 +134,7 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
     axes::caption(document, caption, &frame).to_string() + "\n"
 }
 
-/// Whether workloads are placed by the logarithm of their count.
+/// Whether workloads are placed by the logarithm of their number of stars.
 fn by_count(axis: Axis) -> bool {
     matches!(axis, Axis::Scale | Axis::Asteroids)
 }

@@ -1,4 +1,4 @@
-//! Deep stores: folders, for catalogues larger than memory.
+//! Deep stores: stores that are folders, for catalogues larger than memory.
 
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,7 @@ pub fn synth(
     report(out, &made.map_err(write_error)?)
 }
 
-/// Joins parts to a whole store.
+/// Joins the parts of a store into a whole store.
 pub fn merge(parts: &[PathBuf], out: &Path) -> Result<(), CliError> {
     let merged = BuildProgress::during(|on_step| merge::merge(parts, out, on_step));
     let MergeReport { build, catalogues } = merged.map_err(write_error)?;
@@ -88,7 +88,7 @@ pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
     let checked = BuildProgress::during(|on_step| deep::check::check(&store, light, on_step));
     let checked = checked.map_err(CliError::Deep)?;
     results::line(format!(
-        "{}: {} stars in {} leaves and in bright, {} composite stars in {} tiles: all checksums are right",
+        "{}: {} stars (in {} leaves and the table of bright stars), {} composite stars in {} tiles: all checksums are right",
         path.display(),
         checked.stars,
         checked.leaves,
@@ -133,12 +133,12 @@ fn report(out: &Path, build: &BuildReport) -> Result<(), CliError> {
         (counts.bright_without_colour, "bright stars without colour: 5772 K"),
         (
             counts.motions_left_out,
-            "not stored: motions below 0.2 arcsec a year of stars in leaves, which are placed at 2016.0",
+            "not stored: proper motions below 0.2 arcsec per year of stars in leaves; these stars are placed where they were at 2016.0",
         ),
         (counts.names_left_out, "not stored: names of stars in leaves"),
         (counts.too_faint, "not stored: stars fainter than V = 27"),
         (repeated, "not stored: duplicates of other stars"),
-        (listed_again, "not stored: stars within 2 arcsec and 1 mag of one of builtin:bright"),
+        (listed_again, "not stored: stars within 2 arcsec and 1 mag of a star of builtin:bright"),
     ];
     for (count, note) in notes.into_iter().filter(|(count, _)| *count > 0) {
         results::line(format!("{note}: {count}"))?;
@@ -175,7 +175,7 @@ pub fn info(path: &Path) -> Result<(), CliError> {
     }
     results::line(format!("stars             {}", index.stars()))?;
     results::line(format!(
-        "bright            {}: V below {}, nearer than {} pc, or faster than {} arcsec a year",
+        "bright            {}: V below {}, nearer than {} pc, or faster than {} arcsec per year",
         index.bright.stars,
         resident::BRIGHTER_THAN,
         resident::NEARER_THAN_PC,
@@ -188,7 +188,9 @@ pub fn info(path: &Path) -> Result<(), CliError> {
         results::line(format!("{:<18}{} composite stars, {} bytes", kind.file(), tiles.stars(), tiles.bytes()))?;
     }
     let light_lx: f64 = index.sums.iter().flatten().map(|light| luminance(*light)).fold(0.0, |sum, light| sum + light);
-    results::line(format!("illuminance       {light_lx:.4e} lx in all leaves, summed in cells of order {SUM_ORDER}"))?;
+    results::line(format!(
+        "illuminance       {light_lx:.4e} lx from all leaves, summed in cells of order {SUM_ORDER}"
+    ))?;
     let epoch = index.epoch_year;
     results::line(format!("epoch             J{epoch:.1} in leaves and planes, J2000.0 in bright"))?;
     let parts: u64 = index.leaves.iter().chain(&index.tiles).map(Segments::bytes).sum();

@@ -54,7 +54,7 @@ enum CatalogueCommand {
         /// The parts, in any order.
         #[arg(required = true, value_name = "STORE")]
         parts: Vec<PathBuf>,
-        /// Folder to write; the parts stay.
+        /// Folder to write. The parts are kept.
         #[arg(long, value_name = "STORE")]
         out: PathBuf,
     },
@@ -72,7 +72,7 @@ enum CatalogueCommand {
         /// The store.
         #[arg(value_name = "STORE")]
         store: PathBuf,
-        /// Also compare every composite star with the stars of its cell, and the light of planes and index with that of the leaves.
+        /// Also compare every composite star with the stars of its cell, and the light of the planes and the index with the light of the leaves.
         #[arg(long)]
         light: bool,
     },
@@ -109,13 +109,13 @@ enum CatalogueCommand {
         steradian catalogue synth --stars 300000 --seed 1 --fainter-than 3.5 --out faint.stars\n  \
         steradian catalogue synth --stars 1000000000 --seed 1 --memory 2GiB --out galaxy")]
     Synth {
-        /// Number of stars: the apparently brightest of the model, as seen from the Sun.
+        /// Number of stars. They are the stars of the model that appear brightest from the Sun.
         #[arg(long, value_name = "N", value_parser = star_count, allow_negative_numbers = true)]
         stars: usize,
         /// Seed of the random number generator: the same seed gives the same stars.
         #[arg(long, value_name = "S", allow_negative_numbers = true)]
         seed: u64,
-        /// No star brighter than this apparent V magnitude.
+        /// Leave out stars that are brighter than this apparent V magnitude.
         #[arg(long, value_name = "MAGNITUDE", allow_negative_numbers = true)]
         fainter_than: Option<f64>,
         #[command(flatten)]
@@ -146,14 +146,14 @@ struct Share {
 }
 
 impl Output {
-    /// Limit of the memory if a deep store is requested.
+    /// Returns the memory limit, bytes; `None` if no deep store is requested.
     fn deep_memory(&self) -> Option<u64> {
         let name = self.out.as_os_str().to_string_lossy();
         self.memory.map(|size| size.bytes).or_else(|| name.ends_with(std::path::is_separator).then_some(DEFAULT_MEMORY))
     }
 }
 
-/// Stars of a store. Without options all of them.
+/// Selects stars of a store. Without options, all of them are selected.
 #[derive(Debug, Args)]
 struct Part {
     /// Only stars in a cone: right ascension and declination of its axis and its half-angle, degrees.
@@ -204,7 +204,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
             let is_deep = stars > MOST_STARS || cells.is_some();
             let memory = output.deep_memory().or_else(|| is_deep.then_some(DEFAULT_MEMORY));
             check_output(&output.out, [])?;
-            // The result is itself a file, so do not cache the stars too.
+            // The result is itself a file, so the cache need not keep the stars.
             cache::set_for_process(None);
             match memory {
                 Some(memory_bytes) => deep::synth(&parameters, &output.out, memory_bytes, cells),
@@ -222,7 +222,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
         }
         CatalogueCommand::Slice { store, part, output } => match output.deep_memory() {
             Some(_) => Err(CliError::Usage(format!(
-                "--memory: {} is a store in one file, and a part of it is one too; import it to make a deep store",
+                "--memory: {} is a store in one file, and a part of it is such a file again; import it to make a deep store",
                 store.display()
             ))),
             None => {
@@ -240,7 +240,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
     }
 }
 
-/// Refuses an output that is an input, or a file that is not a store: it would be lost.
+/// Refuses an output path that leads to an input, or to an existing file that is not a store: that file would be lost.
 fn check_output<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), CliError> {
     refuse_own_input(out, inputs)?;
     if out.is_file() && store::read_header(out).is_err() {

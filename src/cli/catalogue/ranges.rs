@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::coordinates::direction_from_lon_lat;
 
-/// A range `A..B` of numbers; an end that is missing is infinite.
+/// A range `A..B` of numbers. If an end is missing, the range has no limit there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range(pub [f64; 2]);
 

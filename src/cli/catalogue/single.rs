@@ -14,7 +14,7 @@ use crate::units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx}
 /// Writes catalogues as one store, and reports the omitted data.
 pub fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
     let (mut store, report) = load::import(sources).map_err(|error| match error {
-        // Here the numbers come from the command line and not from configuration keys.
+        // In this command the parameters come from the command line, so the error must not name configuration keys.
         LoadError::Galaxy { source, .. } => CliError::Galaxy(source),
         source => CliError::Load { origin: String::new(), source },
     })?;
@@ -58,7 +58,7 @@ pub fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
     ))
 }
 
-/// Checks a store: reading it compares its checksum.
+/// Checks a store by reading it, which verifies its checksum.
 pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
     let store = store::read(path).map_err(CliError::ReadStore)?;
     if light {
@@ -121,7 +121,7 @@ pub fn info(path: &Path) -> Result<(), CliError> {
         results::line(format!("apparent V        {brightest:.2} to {faintest:.2}"))?;
     }
     results::line(format!("brighter than V 6 {naked_eye}"))?;
-    results::line(format!("illuminance       {total_lx:.4e} lx in all, from the Solar System"))
+    results::line(format!("illuminance       {total_lx:.4e} lx in total, as seen from the Solar System"))
 }
 
 fn apparent_lx(star: &PackedStar, distance_pc: f64) -> f64 {

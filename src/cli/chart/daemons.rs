@@ -28,7 +28,8 @@ pub struct Daemons {
 }
 
 impl Daemons {
-    /// Starts daemons with `program`, which must be this version of `steradian`, with the options of an adapter, and with or without the cache.
+    /// Prepares to start daemons. `program` must be this version of `steradian`; the daemons use the same adapter options, and the cache unless
+    /// `no_cache` is set.
     ///
     /// # Errors
     /// The threads of the client cannot be started.
@@ -51,7 +52,7 @@ impl Daemons {
     /// Starts a daemon.
     ///
     /// # Errors
-    /// The reason why it does not serve.
+    /// The reason why the daemon does not serve.
     pub fn start(&self, request: &LiveRequest<'_>) -> Result<Box<dyn LiveDaemon>, String> {
         // The daemon reads the file once, when it starts.
         let folder = tempfile::tempdir().map_err(|error| format!("no temporary folder: {error}"))?;

@@ -99,7 +99,7 @@ pub struct DrawArguments {
     set: Vec<String>,
 }
 
-/// A film before anything is drawn.
+/// Everything that is needed to draw a film.
 pub(super) struct Film {
     camera: Camera,
     path: FilmPath,
@@ -221,7 +221,7 @@ impl Film {
         FilmError::Frame { origin: self.path.origin.clone(), frame, problem }
     }
 
-    /// Returns the beginning of the file names of the video's view.
+    /// Returns the prefix of the file names of the view that the video shows.
     fn video_stem(&self, rig: &Rig, view: Option<&str>) -> Result<String, CliError> {
         let usage = |text: String| Err(CliError::Usage(text));
         if self.format != FilmFormat::Png8 {
@@ -299,13 +299,13 @@ impl Film {
         );
     }
 
-    /// Images of which the frames are made.
+    /// Kind of images that the format needs.
     fn wanted(&self) -> Wanted {
         // Motion blur adds up light, so it needs HDR images.
         if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() }
     }
 
-    /// Draws frames; those that exist are replaced.
+    /// Draws frames, and replaces existing files.
     pub(super) fn draw(
         &self,
         renderer: &mut Renderer,
@@ -385,7 +385,7 @@ impl Film {
         let camera = snapshot.camera;
         let rig = config.rig()?;
         let groups = config.frame_groups()?;
-        // Number of images of all views before the given one.
+        // Number of images of all views that precede the given one.
         let first_image = |view: usize| rig.views()[..view].iter().map(|view| view.pictures().len()).sum::<usize>();
         let mut files = Vec::new();
         for (number, group) in groups.iter().enumerate() {
@@ -453,7 +453,7 @@ impl Film {
         scene: Scene<'_>,
     ) -> Result<Frame, CliError> {
         let exposure_ev100 = own.exposure_ev100;
-        // Keep the frame's own moment until its turn, so that the sum follows the order of the moments.
+        // Add the frame's own moment only when its turn comes, so that the sum follows the order of the moments.
         let mut own = Some(own);
         let mut sum: Option<Frame> = None;
         for (sub_frame, at) in (0..).zip(shutter.moments(frame)) {

@@ -55,7 +55,7 @@ pub fn run(arguments: FilmArguments, options: &GpuOptions) -> Result<(), CliErro
         (Some(FilmCommand::Status(arguments)), _) => status::run(&arguments),
         (Some(FilmCommand::Repair(arguments)), _) => repair::run(&arguments, options),
         (None, Some(arguments)) => draw::run(arguments, options),
-        // The parser requires all of these if there is no subcommand, so it reports their absence first.
+        // If there is no subcommand, the parser requires all of these and has already reported any that is missing.
         (None, None) => Err(CliError::Usage("film needs --config, --path, --frames and --out".to_owned())),
     }
 }

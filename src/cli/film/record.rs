@@ -146,7 +146,7 @@ async fn exposure(client: &mut Client, view: Option<&str>) -> Result<ExposureKey
         return Err(CliError::Usage(format!("--view: {request}: {allowed}")));
     };
     let ExposureKeys { mode, ev100, compensation_ev, .. } = &form.exposure;
-    // The daemon leaves out keys without effect, so the key that applies is present.
+    // The daemon does not report keys without effect, so only the key that applies is present.
     Ok(match ev100.filter(|_| *mode == Some(ExposureMode::Manual)) {
         Some(ev100) => ExposureKey::Ev100(ev100),
         None => ExposureKey::CompensationEv(compensation_ev.unwrap_or(0.0)),
@@ -167,7 +167,7 @@ async fn record(arguments: &RecordArguments, credentials: &Credentials) -> Resul
     let deadline = TokioInstant::from_std(start + Duration::from_secs_f64(length_s));
     let (mut has_begun, mut has_scene, mut has_camera) = (false, false, false);
     let end = loop {
-        // Later changes of a value are recorded with the time of their report.
+        // Later changes of a value are recorded at the time at which the daemon reports them.
         tokio::select! {
             () = &mut signals => break End::Requested,
             () = sleep_until(deadline) => break End::Requested,
@@ -189,7 +189,7 @@ async fn record(arguments: &RecordArguments, credentials: &Credentials) -> Resul
                             has_scene = true;
                         }
                         Err(CliError::Client(error)) if has_begun => break End::Lost(error),
-                        // The view was deleted: its last exposure remains.
+                        // The view was deleted: keep its last exposure.
                         Err(CliError::Usage(_)) if has_begun => {}
                         Err(error) => return Err(error),
                     }

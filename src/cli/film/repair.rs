@@ -68,14 +68,17 @@ fn draw(
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &film.inputs.config.origin))?;
     let record = FilmRecord { frames: held.frames.clone(), ..film.record(&rig, &renderer)? };
     if record.digest != held.digest {
-        let problem = format!("this program would draw another film, which differs in {}", record.differences(held));
+        let problem = format!(
+            "this version of the program would draw a different film: the difference is in {}",
+            record.differences(held)
+        );
         return Err(unrepeatable(problem).into());
     }
     let before = recorded_checksums(folder)?;
     let open = FilmFolder::open(folder, &record, false)?;
     film.log_cost(&rig, to_draw.len(), to_draw.len());
     film.draw(&mut renderer, &open, &record, to_draw)?;
-    // The same film must have the same bytes.
+    // A frame that is drawn again must have the same bytes.
     let after = recorded_checksums(folder)?;
     let changed = after.iter().filter(|(name, sha256)| before.get(*name).is_some_and(|before| before != *sha256));
     for (name, _) in changed {

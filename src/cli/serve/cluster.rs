@@ -31,7 +31,7 @@ const HASHED_BYTES: usize = 1 << 20;
 /// `--role`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum ClusterRole {
-    /// Plans and leads the frames of all nodes, and takes changes by clients.
+    /// Plans and coordinates the frames of all nodes, and accepts changes from clients.
     Director,
     /// Draws the views of a node.
     Node,
@@ -42,7 +42,7 @@ pub(super) struct Part {
     cluster: ClusterConfig,
     /// Number and keys of the node; `None` for the director.
     pub(super) node: Option<(NodeId, NodeConfig)>,
-    /// The address that a director listens on, or all addresses that a node dials.
+    /// The address on which a director listens, or all addresses to which a node connects.
     endpoints: Vec<String>,
     rules: Rules,
 }
@@ -176,7 +176,7 @@ impl Part {
         }
     }
 
-    /// The windows that this daemon opens: those of a node. A director has none.
+    /// The windows that this daemon opens: those of the node. A director has no windows.
     pub(super) fn windows(&self, config: &Config) -> Vec<WindowConfig> {
         self.node.iter().flat_map(|(_, node)| node.windows_of(&config.windows)).cloned().collect()
     }

@@ -1,8 +1,8 @@
 //! Texts that logs and messages repeat.
 
-/// Returns the first character of a text that is not visible or changes how the text around it looks: control characters, line and paragraph
-/// separators, and format characters. Format characters are those of the category Cf of Unicode 16 (UnicodeData.txt): the soft hyphen, characters of
-/// zero width, and marks of the writing direction.
+/// Returns the first character of a text that is invisible or changes the appearance of the text around it. Such characters are control characters,
+/// line and paragraph separators, and format characters. Format characters are those of the category Cf of Unicode 16 (UnicodeData.txt): the soft
+/// hyphen, characters of zero width, and marks of the writing direction.
 pub(crate) fn hidden_character(text: &str) -> Option<char> {
     text.chars().find(|c| c.is_control() || is_format(*c))
 }

@@ -2,8 +2,8 @@
 //!
 //! The moments are evenly spaced and symmetric around the frame's own moment, so that an object in uniform motion keeps
 //! its position. Light is added in linear luminance, in f32 and in the order of the moments, so the sum is
-//! deterministic. A sensor accumulates luminance; if the field of view changes, so does the solid angle of
-//! pixels, and its mean is taken too.
+//! deterministic. A sensor accumulates luminance. If the field of view changes, the solid angle of each pixel changes
+//! as well, so its mean is also computed.
 
 use serde::{Deserialize, Serialize};
 
@@ -66,7 +66,7 @@ pub fn add(sum: &mut FrameImage, image: &FrameImage) -> Result<(), EncodeError> 
     Ok(())
 }
 
-/// Divides a sum of `count` images by their number.
+/// Divides the sum of `count` images by `count`.
 pub fn divide(sum: &mut FrameImage, count: u32) {
     let pixels = sum.hdr.as_deref_mut().unwrap_or_default();
     pixels.par_iter_mut().for_each(|pixel| {
@@ -90,7 +90,7 @@ pub fn show(image: &mut FrameImage, exposure_ev100: f64, tone_map: &ToneMapSetti
     let mut display = vec![0_u8; light.len() * 4];
     display.par_chunks_mut(4).zip(light).enumerate().for_each(|(index, (pixel, [red, green, blue, _]))| {
         pixel[3] = u8::MAX;
-        // Most pixels of a night sky are black, and every operator maps black to black.
+        // Skip black pixels: most pixels of a night sky are black, and every operator maps black to black.
         if [*red, *green, *blue] == [0.0; 3] && projector.is_none() {
             return;
         }

@@ -1,8 +1,8 @@
 //! `film.sha256`: a checksum of every frame file, in the form that `sha256sum --check` reads.
 //!
 //! The first line is a comment with the digest of the film; a line for each file follows. Runs append a line under the lock of the folder before they
-//! give a file its final name, so that every file has a line. At the end of a run the lines are sorted: the same files give the same bytes, whatever
-//! the runs and shards.
+//! give a file its final name, so that every file has a line. At the end of a run the lines are sorted: the same files then give the same bytes,
+//! regardless of the runs and shards that drew them.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -15,13 +15,13 @@ use crate::files;
 pub const NAME: &str = "film.sha256";
 /// Start of the first line.
 const HEAD: &str = "# film ";
-/// Maximum size of the file: a line for each image of a million frames, bytes.
+/// Maximum size of the file, bytes: enough for a line for each image of a million frames.
 const MOST_BYTES: u64 = 4 << 30;
 
 /// Checksums of a film.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Checksums {
-    /// Digest of the film; empty without a file.
+    /// Digest of the film; empty if there is no file.
     pub film: String,
     /// SHA-256 by file name, hexadecimal.
     pub by_name: BTreeMap<String, String>,
@@ -31,7 +31,7 @@ fn path_in(folder: &Path) -> PathBuf {
     folder.join(NAME)
 }
 
-/// A line that a killed program has written in part has no line break.
+/// A line that a killed program has written only in part has no line break.
 fn parse(text: &str) -> Result<Checksums, String> {
     let mut lines = text.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
     let film = lines.next().and_then(|line| line.strip_prefix(HEAD)).ok_or("it does not begin with `# film`")?;

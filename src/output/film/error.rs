@@ -32,14 +32,14 @@ pub enum FilmError {
         problem: String,
     },
     /// The folder is not that of a film.
-    #[error("{}: {problem}; `film` makes such folders", folder.display())]
+    #[error("{}: {problem}; the command `film` makes such folders", folder.display())]
     NotAFilm {
         /// The folder.
         folder: PathBuf,
         /// Description of the problem.
         problem: String,
     },
-    /// A film cannot be drawn again as it is recorded.
+    /// The frames of a film cannot be drawn again from its record.
     #[error("{}: its frames cannot be drawn again: {problem}", folder.display())]
     Unrepeatable {
         /// The folder.
@@ -47,7 +47,7 @@ pub enum FilmError {
         /// Reason.
         problem: String,
     },
-    /// Frames are missing, damaged or foreign.
+    /// Files of frames are missing, damaged, or from another film.
     #[error("{}: {missing} files are missing, {damaged} damaged, {foreign} foreign; `film repair` draws their frames again", folder.display())]
     Faulty {
         /// The folder.

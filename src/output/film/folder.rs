@@ -1,9 +1,9 @@
-//! The folder of a film: `film.json` identifies the film of its frames, and frames with existing files are not drawn
-//! again.
+//! The folder of a film. `film.json` identifies the film to which the frames belong. Frames whose files exist are not
+//! drawn again.
 //!
-//! Several runs may work in one folder at the same time, each on different frames. They agree on `film.json` one after
-//! the other, under a lock (`.film.lock`); after that each file belongs to one run and is written atomically, after its
-//! checksum was recorded in `film.sha256`.
+//! Several runs may work in one folder at the same time, each on different frames. They check or write `film.json` one
+//! after the other, under a lock (`.film.lock`). After that, each file belongs to one run. Its checksum is first
+//! recorded in `film.sha256`, then the file is written atomically.
 
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -48,7 +48,7 @@ pub struct FilmRecord {
     pub shutter: Option<Shutter>,
     /// Frames per second.
     pub fps: f64,
-    /// Beginnings of the file names.
+    /// Prefixes of the file names.
     pub images: Vec<String>,
     /// The configuration.
     pub configuration: UsedConfiguration,
@@ -149,15 +149,15 @@ fn begin_checksums(folder: &Path, record: &FilmRecord, is_new: bool) -> Result<(
         None => write(&new()),
         Some(held) if held.film == record.digest => checksums::repair_end(folder).map_err(failed("write", &path)),
         Some(held) => {
-            let problem = format!("its {} is that of the film {:.12}", checksums::NAME, held.film);
+            let problem = format!("its {} belongs to the film {:.12}", checksums::NAME, held.film);
             Err(FilmError::OtherFilm { folder: folder.to_owned(), problem })
         }
     }
 }
 
 impl FilmFolder {
-    /// Opens a folder for a film and creates it if necessary. With `overwrite` no frame counts as drawn, and the frames
-    /// of another film are removed.
+    /// Opens a folder for a film, and creates it if necessary. With `overwrite`, no frame counts as drawn, and the
+    /// frames of another film are removed.
     ///
     /// # Errors
     ///
@@ -182,7 +182,7 @@ impl FilmFolder {
             if !overwrite {
                 return Err(FilmError::OtherFilm { folder: folder.to_owned(), problem });
             }
-            // Frames of the other film must not be taken for frames of this one, whatever the length of this film.
+            // Frames of the other film must not be taken for frames of this one, even beyond the range of this film.
             let is_theirs = |name: &str| match &held {
                 Some(Ok(held)) => held.images.iter().any(|stem| is_file_of(name, stem, &held.extension)),
                 _ => false,
@@ -193,7 +193,7 @@ impl FilmFolder {
             }
             existing.clear();
         }
-        // The same film keeps what earlier runs have recorded; its ranges of frames grow.
+        // For the same film, keep the data that earlier runs have recorded, and extend the ranges of frames.
         let held = held.and_then(Result::ok).filter(|held| held.digest == record.digest);
         let joined = |held: &FilmRecord| {
             let frames = record.frames.iter().fold(held.frames.clone(), |all, range| range.joined_with(&all));
@@ -210,7 +210,7 @@ impl FilmFolder {
         Ok(Self { folder: folder.to_owned(), existing, record: current })
     }
 
-    /// Records the checksum of a file that is about to appear.
+    /// Records the checksum of a file that is about to get its final name.
     ///
     /// # Errors
     ///
@@ -242,7 +242,7 @@ impl FilmFolder {
     pub fn record_catalogues(&self, catalogues: Vec<UsedCatalogue>) -> Result<(), FilmError> {
         let _lock = locked(&self.folder)?;
         let path = self.folder.join("film.json");
-        // If another run has replaced the record since, that run records the results.
+        // If another run has replaced the record in the meantime, that run records the results.
         let held = held_record(&path)?.and_then(Result::ok);
         let held = held.filter(|held| held.digest == self.record.digest && held.catalogues.is_none());
         if let Some(held) = held {

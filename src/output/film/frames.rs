@@ -10,7 +10,7 @@ use crate::view::Rig;
 /// Maximum number of frames of a range.
 pub const MOST_FRAMES: u32 = 1_000_000;
 
-/// Range of frame numbers, without its end.
+/// Range of frame numbers; `end` is excluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct FrameRange {
     /// First frame.
@@ -28,10 +28,13 @@ impl fmt::Display for FrameRange {
 impl FromStr for FrameRange {
     type Err = String;
 
-    /// Parses `A..B` (without B) or `A..=B` (with B).
+    /// Parses `A..B` (excluding B) or `A..=B` (including B).
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong =
-            || format!("`{text}` is not a range of frames: must be A..B (without B) or A..=B, for instance 0..240");
+        let wrong = || {
+            format!(
+                "`{text}` is not a range of frames: must be A..B (excluding B) or A..=B (including B), such as 0..240"
+            )
+        };
         let (first, last) = text.split_once("..").ok_or_else(wrong)?;
         let number = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
         let first = number(first)?;
@@ -66,7 +69,7 @@ impl FromStr for Shard {
             text.split_once('/').and_then(|(number, total)| Some((number.parse().ok()?, total.parse().ok()?)));
         match numbers {
             Some((number, total)) if (1..=total).contains(&number) => Ok(Self { number, total }),
-            _ => Err(format!("`{text}` is not a shard: must be 1/N to N/N, for instance 2/4")),
+            _ => Err(format!("`{text}` is not a shard: must be 1/N to N/N, such as 2/4")),
         }
     }
 }
@@ -82,7 +85,7 @@ impl FrameRange {
         (self.first..self.end).contains(&frame)
     }
 
-    /// Returns ranges with the frames of `ranges` and of this range, in order and without overlaps.
+    /// Returns the union of `ranges` and this range, as ranges in order and without overlaps.
     pub fn joined_with(self, ranges: &[Self]) -> Vec<Self> {
         let mut all = ranges.to_vec();
         all.push(self);
@@ -109,8 +112,7 @@ impl FrameRange {
     }
 }
 
-/// Returns the beginnings of the file names of each image, in the order of views and parts: `<view>` or
-/// `<view>.<part>`.
+/// Returns the prefix of the file names of each image, in the order of views and parts: `<view>` or `<view>.<part>`.
 pub fn stems(rig: &Rig) -> Vec<String> {
     let of_view = |view: &crate::view::View| {
         let stem =
@@ -130,7 +132,7 @@ pub(super) fn is_file_of(name: &str, stem: &str, extension: &str) -> bool {
     digits_of(name, stem, extension).is_some()
 }
 
-/// Frame number of such a file name; `None` if it is not one, or if its number is not that of a frame.
+/// Returns the frame number in such a file name; `None` if the name has another form, or if the number is not a valid frame number.
 pub(super) fn number_of(name: &str, stem: &str, extension: &str) -> Option<u32> {
     let number = digits_of(name, stem, extension)?.parse().ok()?;
     (file_name(stem, number, extension) == name).then_some(number)

@@ -88,7 +88,7 @@ fn png16(image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError>
     let projector = image.projector.as_deref();
     let mut samples = vec![0_u8; pixels.len() * 6];
     samples.par_chunks_mut(6).zip(pixels).enumerate().for_each(|(index, (bytes, [red, green, blue, _]))| {
-        // Most pixels of a night sky are black, and every operator maps black to black.
+        // Skip black pixels: most pixels of a night sky are black, and every operator maps black to black.
         if [*red, *green, *blue] == [0.0; 3] && projector.is_none() {
             return;
         }
@@ -102,7 +102,7 @@ fn png16(image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError>
     png_of([image.width, image.height], (ColorType::Rgb, BitDepth::Sixteen), &samples)
 }
 
-/// Returns a text as Latin-1, the encoding of the format: names and numbers are ASCII.
+/// Returns a text in Latin-1, the encoding of the format. Names and numbers are ASCII.
 fn latin(text: &str) -> Text {
     let bytes: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
     Text::new_or_none(bytes).unwrap_or_else(|| Text::from(""))
@@ -127,9 +127,10 @@ fn exr(format: FilmFormat, image: &FrameImage, words: &ImageWords) -> Result<Vec
 }
 
 /// Sorts the attributes of a header by name, because the encoder writes them in an order that changes between runs.
-/// Their total length, and so every offset, is unchanged. A header that cannot be parsed is left unchanged.
+/// Their total length does not change, and therefore no offset changes. A header that cannot be parsed is left
+/// unchanged.
 fn sort_attributes(file: &mut [u8]) {
-    // After the magic number and the version.
+    // The header begins after the magic number and the version.
     let first = 8;
     let mut attributes: Vec<Vec<u8>> = Vec::new();
     let mut position = first;

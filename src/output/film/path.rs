@@ -2,7 +2,7 @@
 //! that no keyframe names comes from the configuration.
 //!
 //! Around a place (`around_m`) the logarithm of the distance is interpolated, and the direction along great arcs, so
-//! that a flight over many orders of magnitude looks even. Fields of view are interpolated in the logarithm of the
+//! that a flight over many orders of magnitude appears uniform. Fields of view are interpolated in the logarithm of the
 //! picture's size on its plane, for the same reason.
 
 use glam::{DQuat, DVec3};
@@ -15,7 +15,7 @@ use crate::observer::Frame;
 use crate::plan::settings::{ExposureMode, ExposureSettings};
 use crate::scene::{Camera, PoseError};
 
-/// The positions of keyframes.
+/// Tracks of the camera's position.
 #[derive(Clone, Debug)]
 enum Positions {
     Straight(Track<3>),
@@ -31,7 +31,7 @@ enum Positions {
     },
 }
 
-/// A number that is interpolated through a function of it; at keyframes the values themselves are used.
+/// A number for which a function of it is interpolated. At keyframes, the original values are used.
 #[derive(Clone, Debug)]
 struct Scaled<T> {
     values: Vec<T>,
@@ -77,8 +77,8 @@ impl Positions {
         let distance_m = |position_m: DVec3| (position_m - around_m).length();
         let distances =
             Track::new(named.iter().map(|&(frame, at_m, easing)| (frame, [distance_m(at_m).ln()], easing)))?;
-        // Each rotation continues the previous one by the arc to the next direction, so that the arcs between them are
-        // great arcs.
+        // Each rotation is the previous one followed by the shortest arc to the next direction, so that the path
+        // between directions follows great circles.
         let mut directions: Vec<(u32, DQuat, Easing)> = Vec::with_capacity(named.len());
         let mut last = (DVec3::X, DQuat::IDENTITY);
         for &(frame, at_m, easing) in &named {
@@ -239,7 +239,8 @@ impl FrameValues {
         Camera::new(position_m.to_array(), orientation.to_array(), velocity_c.to_array())
     }
 
-    /// Returns the configuration of a frame, without camera and time: the types of the configuration are less precise than those of the path.
+    /// Returns the configuration of a frame. It does not include the camera and the time, for which the types of the configuration are less precise
+    /// than those of the path.
     pub fn applied_to(&self, config: &Config) -> Config {
         let mut config = config.clone();
         if let Some(limit) = self.magnitude_limit {
@@ -304,12 +305,12 @@ mod tests {
         for frame in 0..100 {
             let found = (position_m(frame + 1).length() / position_m(frame).length()).ln();
             assert!((found / step - 1.0).abs() < 1e-4, "{frame}: {found} {step}");
-            // The direction turns evenly too, and in its plane.
+            // The direction also turns evenly, and stays in its plane.
             let turned = position_m(frame + 1).angle_between(position_m(frame));
             assert!((turned * 100.0 / std::f64::consts::FRAC_PI_2 - 1.0).abs() < 1e-4, "{frame}: {turned}");
             assert!(position_m(frame).z.abs() < 1e-3 + 1e-12 * position_m(frame).length());
         }
-        // On a straight line, the distance would change by ten orders of magnitude in the first frame alone.
+        // Along a straight line, the distance would change by ten orders of magnitude in the first frame alone.
         let straight = tracks(&text.replace("around_m = [1e11, 2e10, -5e9]", ""));
         let first = straight.at(1).position_m.unwrap() - around_m;
         assert!(first.length() > 1e14 && position_m(1).length() < 2e7, "{first} {}", position_m(1));

@@ -14,7 +14,7 @@ use crate::scene::Camera;
 /// Longest interval between two values of a moving quantity, s. If values are further apart, the quantity was at rest.
 pub const MOST_GAP_S: f64 = 0.25;
 
-/// Frame numbers of keyframes: as evenly spaced as whole frames allow.
+/// Frame numbers of keyframes, as evenly spaced as whole numbers allow.
 #[derive(Clone, Copy, Debug)]
 struct Times {
     fps: f64,
@@ -51,7 +51,7 @@ impl<T: Copy + PartialEq> Signal<T> {
             let keyframe_s = times.seconds(self.at_keyframes.len());
             self.at_keyframes.push(match self.last {
                 _ if keyframe_s == at_s => value,
-                // Before its first observation a quantity has its first value.
+                // Before the first observation of a quantity, its first observed value is used.
                 None => value,
                 Some((last_s, last)) if at_s - last_s <= MOST_GAP_S => {
                     between(last, value, ((keyframe_s - last_s) / (at_s - last_s)).clamp(0.0, 1.0))
@@ -62,7 +62,7 @@ impl<T: Copy + PartialEq> Signal<T> {
         self.last = Some((at_s, value));
     }
 
-    /// Holds the last value until the end.
+    /// Fills the remaining keyframes, up to the end, with the last value.
     fn end(&mut self, at_s: f64, times: Times) {
         if let Some((_, value)) = self.last {
             self.last = None;
@@ -120,15 +120,15 @@ pub struct Recording {
 /// Result of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedPath {
-    /// At least one keyframe, unless no camera was observed.
+    /// The keyframes: at least one, unless no camera was observed.
     pub keyframes: Vec<Keyframe>,
     /// The exposure changed between manual and automatic, which a path cannot express, so the path has no exposure.
     pub exposure_omitted: bool,
 }
 
 impl Recording {
-    /// Starts a recording for a film with this number of frames per second and of keyframes per second; the latter must
-    /// not be larger.
+    /// Starts a recording for a film with these numbers of frames and of keyframes per second; the number of keyframes
+    /// must not be larger.
     pub fn new(fps: f64, keyframes_per_second: f64) -> Self {
         Self {
             times: Times { fps, keyframes_per_second },

@@ -31,7 +31,7 @@ struct Knots {
 }
 
 impl Knots {
-    /// Splits keyframes (frame, value, easing) into knots and values.
+    /// Splits a list of keyframes (frame, value, easing) into knots and values.
     fn from_keyframes<T>(keyframes: impl IntoIterator<Item = (u32, T, Easing)>) -> (Self, Vec<T>) {
         let mut knots = Self { frames: Vec::new(), easings: Vec::new() };
         let mut values = Vec::new();
@@ -72,7 +72,7 @@ impl Knots {
                 if before * after <= 0.0 {
                     return 0.0;
                 }
-                // A cubic is monotone up to three times the mean rate.
+                // A cubic is monotone if the rates at its ends are at most three times the mean rate.
                 let limited = |rate: f64, mean: f64| rate.signum() * rate.abs().min(3.0 * mean.abs());
                 match (easing_before, easing_after) {
                     (Easing::Linear, Easing::Smooth) => limited(before, after),
@@ -123,8 +123,8 @@ impl<const N: usize> Track<N> {
                     let left = 1.0 - share;
                     let step = |u: f64| u * u * (3.0 - 2.0 * u);
                     let [start, end] = [self.rates[before][c], self.rates[before + 1][c]];
-                    // The cubic Hermite basis of the rates at both ends, minus the mean rate's share, which is in
-                    // `step`.
+                    // Terms of the cubic Hermite basis for the rates at both ends, without the part due to the mean
+                    // rate, which `step` contains.
                     let bent = length * share * left * (start * left - end * share);
                     (step(if from_end { left } else { share }), bent)
                 }
@@ -261,7 +261,7 @@ mod tests {
         ]);
         let jump = jump_of_rate(|frame| smooth.at(frame)[0], &[0, 10, 15, 20, 30]);
         assert!(jump < 1e-3, "{jump}");
-        // A jump is detected.
+        // Check that this measure detects a jump.
         let kinked = track(&[(0, 0.0, Easing::Linear), (10, 1.0, Easing::Linear), (15, 4.0, Easing::Linear)]);
         assert!(jump_of_rate(|frame| kinked.at(frame)[0], &[0, 10, 15]) > 0.4);
     }
@@ -288,7 +288,7 @@ mod tests {
             (0, DQuat::IDENTITY),
             (12, DQuat::from_rotation_y(1.2)),
             (20, DQuat::from_rotation_x(2.0)),
-            // The negative quaternion is the same rotation.
+            // The negative quaternion represents the same rotation.
             (32, -DQuat::from_rotation_z(0.4)),
         ];
         let turns = |easing| Turns::new(keys.map(|(frame, turn)| (frame, turn, easing))).unwrap();

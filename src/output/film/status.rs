@@ -26,7 +26,7 @@ pub enum Fault {
     Missing,
     /// It is truncated, or bytes of it changed.
     Damaged,
-    /// It is a whole picture, but not one of this film.
+    /// It is a complete picture, but does not belong to this film.
     Foreign,
 }
 
@@ -61,7 +61,7 @@ pub struct FaultyFile {
 pub struct FilmStatus {
     /// Digest of the film.
     pub film: String,
-    /// Ranges of its frames, each without its end.
+    /// Ranges of its frames; the end of each range is excluded.
     pub frames: Vec<FrameRange>,
     /// Number of files that it must have.
     pub files: usize,
@@ -69,7 +69,7 @@ pub struct FilmStatus {
     pub verified: usize,
     /// Number of files that can be read and have no checksum.
     pub without_checksum: usize,
-    /// All other files, by frame.
+    /// All other files, sorted by frame.
     pub faults: Vec<FaultyFile>,
     /// Notes for people.
     pub notes: Vec<String>,
@@ -88,8 +88,8 @@ impl FilmStatus {
     }
 }
 
-/// Reads all files of a film. `expected` gives the frames that it must have; by default the frames of all runs. `on_file` receives the number of
-/// finished files and the number of all.
+/// Reads all files of a film. `expected` gives the frames that it must have; the default is the frames of all runs. `on_file` receives the number of
+/// finished files and the total number.
 ///
 /// # Errors
 ///
@@ -110,7 +110,7 @@ pub fn film_status(
     let mut notes = Vec::new();
     if checksums.is_none() {
         notes.push(format!(
-            "no {}: an earlier version drew these frames; damaged files are found, but it is unknown whether the others are the pictures that were drawn",
+            "no {}: an earlier version drew these frames; damaged files are found, but it is unknown whether the other files were changed",
             checksums::NAME
         ));
     }
@@ -122,7 +122,7 @@ pub fn film_status(
             let numbers: BTreeSet<u32> = existing.iter().filter_map(numbered).collect();
             let range = numbers.first().zip(numbers.last()).and_then(|(first, last)| FrameRange::new(*first, last + 1));
             notes.push(
-                "film.json does not contain the range of frames: from the first to the last existing frame is assumed; --frames gives another range".to_owned(),
+                "film.json does not contain the range of frames: the range from the first to the last existing frame is assumed; --frames sets another one".to_owned(),
             );
             (range.into_iter().collect(), false)
         }

@@ -12,7 +12,7 @@ use crate::files::{beside_with_suffix, folder_of};
 
 /// Supported containers, by file extension.
 const EXTENSIONS: [&str; 3] = ["mp4", "mkv", "mov"];
-/// Number of ffmpeg's last output lines in an error.
+/// Number of the last lines of ffmpeg's output that an error contains.
 const MESSAGE_LINES: usize = 12;
 
 /// An `ffmpeg` that can encode H.264.
@@ -70,7 +70,7 @@ impl Ffmpeg {
         let extension = file.extension().and_then(OsStr::to_str).unwrap_or_default();
         let temporary = beside_with_suffix(file, &format!(".{extension}")).map_err(write)?;
         let target: PathBuf = absolute(temporary.path()).map_err(write)?;
-        // ffmpeg runs inside the folder, because a `%` in the folder's name would be part of the pattern.
+        // Run ffmpeg inside the folder: otherwise a `%` in the folder's name would be part of the pattern of file names.
         let mut command = Command::new("ffmpeg");
         command.current_dir(folder).stdin(Stdio::null());
         command.args(["-hide_banner", "-loglevel", "error", "-y", "-framerate", &fps.to_string()]);
@@ -88,8 +88,8 @@ impl Ffmpeg {
             let messages = lines[lines.len().saturating_sub(MESSAGE_LINES)..].join("\n");
             return Err(FilmError::Ffmpeg { status: output.status.to_string(), messages });
         }
-        // Sync the file now under that name, because ffmpeg may have replaced the open one.
-        // Windows synchronises only files that are open for writing.
+        // Sync the file that now has that name, because ffmpeg may have replaced the open file. Windows synchronises
+        // only files that are open for writing.
         std::fs::File::options().write(true).open(&target).and_then(|video| video.sync_all()).map_err(write)?;
         temporary.persist(file).map_err(|error| write(error.error))?;
         Ok(())

@@ -1,4 +1,4 @@
-//! Encodes and writes in the background: frames go through a bounded channel to a few threads; drawing blocks while the channel is full.
+//! Encodes and writes frames in the background. Frames go through a bounded channel to a few threads; drawing blocks while the channel is full.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -13,7 +13,7 @@ use super::images::{FilmFormat, ImageWords, encode_image};
 use crate::files;
 use crate::render::FrameImage;
 
-/// Maximum number of threads. Memory holds one frame per thread, one that waits, and one that is being drawn.
+/// Maximum number of threads. Memory holds one frame per thread, one waiting frame, and one that is being drawn.
 const MOST_WRITERS: usize = 3;
 
 /// One image and its file.
@@ -76,7 +76,7 @@ struct Sums {
     writing_us: AtomicU64,
 }
 
-/// Receives the path and the bytes of each file before it appears.
+/// Receives the path and the bytes of each file before it gets its final name.
 pub type BeforeFile<'a> = dyn Fn(&Path, &[u8]) -> Result<(), FilmError> + Sync + 'a;
 
 fn write_frame(
@@ -110,7 +110,7 @@ fn next(frames: &Mutex<Receiver<Vec<FrameFile>>>) -> Option<Vec<FrameFile>> {
 }
 
 /// Runs `draw` with a writer and waits until all queued frames are written; returns the result of `draw`, and the
-/// totals. `before` receives each file before it appears.
+/// totals. `before` receives each file before it gets its final name.
 ///
 /// # Errors
 ///

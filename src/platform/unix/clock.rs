@@ -12,7 +12,7 @@ use crate::platform::ClockState;
 
 /// A time, ns.
 fn ns(time: Timespec) -> i64 {
-    // On some systems the fields are narrower.
+    // On some systems, the fields have fewer bits.
     #[allow(clippy::useless_conversion, reason = "the types differ between systems")]
     let (seconds, rest_ns) = (i64::from(time.tv_sec), i64::from(time.tv_nsec));
     seconds * 1_000_000_000 + rest_ns

@@ -12,14 +12,14 @@ use std::io;
 ///
 /// The system refuses, or has no priorities of threads.
 pub(crate) fn lower_thread_priority() -> io::Result<()> {
-    /// Difference in the steps of the system's `nice` value.
+    /// Increase of the system's `nice` value.
     #[cfg(target_os = "linux")]
     const STEPS: i32 = 10;
-    // On other systems this call concerns the whole process.
+    // On other systems, this call would affect the whole process.
     #[cfg(target_os = "linux")]
     return Ok(rustix::process::setpriority_process(None, STEPS)?);
     #[cfg(not(target_os = "linux"))]
-    Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no priorities of single threads"))
+    Err(io::Error::new(io::ErrorKind::Unsupported, "this system cannot set the priority of a single thread"))
 }
 
 /// Gives the calling thread, and the threads that it starts afterwards, real-time scheduling (`SCHED_RR`) with a low priority.
@@ -40,11 +40,11 @@ pub(crate) fn real_time_thread_alone() -> io::Result<()> {
     #[cfg(target_os = "linux")]
     return round_robin(9, libc::SCHED_RESET_ON_FORK);
     #[cfg(not(target_os = "linux"))]
-    Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no real-time scheduling of a thread alone"))
+    Err(io::Error::new(io::ErrorKind::Unsupported, "this system cannot give real-time scheduling to a single thread"))
 }
 
-/// Replaces this process by the same program with the same arguments, and a further variable in its environment. Returns only if the system
-/// refuses.
+/// Replaces this process by a new run of the same program, with the same arguments and one more variable in its environment. Returns only if the
+/// system refuses.
 #[cfg(feature = "cluster")]
 pub(crate) fn run_again_with(name: &str, value: &str) -> io::Error {
     use std::os::unix::process::CommandExt as _;
@@ -60,9 +60,9 @@ pub(crate) fn run_again_with(name: &str, value: &str) -> io::Error {
     command.args(arguments).env(name, value).exec()
 }
 
-/// Gives the calling thread `SCHED_RR` with a priority and with flags of the policy.
+/// Sets the scheduling policy of the calling thread to `SCHED_RR`, with a priority and flags.
 fn round_robin(priority: libc::c_int, flags: libc::c_int) -> io::Result<()> {
-    // SAFETY: every field is a number or an array of bytes. Some systems have fields that cannot be named here.
+    // SAFETY: every field is a number or an array of bytes. Some systems have fields that this code cannot name.
     let mut parameters: libc::sched_param = unsafe { std::mem::zeroed() };
     parameters.sched_priority = priority;
     // SAFETY: the thread is the calling one, and `parameters` outlives the call.
@@ -71,7 +71,7 @@ fn round_robin(priority: libc::c_int, flags: libc::c_int) -> io::Result<()> {
     if code == 0 { Ok(()) } else { Err(io::Error::from_raw_os_error(code)) }
 }
 
-/// Returns freed memory to the system. The allocator of glibc keeps it for each thread; others return it by themselves.
+/// Returns freed memory to the system. The allocator of glibc keeps it for each thread; other allocators return it by themselves.
 pub(crate) fn return_freed_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: the function may be called at any time on any thread.

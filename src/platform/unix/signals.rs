@@ -44,7 +44,7 @@ impl ReloadSignal {
         signal(SignalKind::hangup()).map(Self)
     }
 
-    /// Waits for the next signal; `None` if there will be none.
+    /// Waits for the next signal; returns `None` if there will be no more signals.
     pub(crate) async fn next(&mut self) -> Option<()> {
         self.0.recv().await
     }

@@ -40,12 +40,12 @@ impl LocalSocket {
         }
     }
 
-    /// Whether a process listens there.
+    /// Whether a process listens at the path.
     pub(crate) fn answers(&self) -> bool {
         self.attempt().is_ok()
     }
 
-    /// Connects to the process that listens there. Does not block, even if that process is frozen and its queue of connections is full.
+    /// Connects to the process that listens at the path. Does not block, even if that process is frozen and its queue of connections is full.
     fn attempt(&self) -> io::Result<()> {
         let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, SocketFlags::NONBLOCK, None)?;
         match connect(&socket, &SocketAddrUnix::new(&self.0)?).map_err(io::Error::from) {
@@ -54,7 +54,7 @@ impl LocalSocket {
         }
     }
 
-    /// Removes a socket that a daemon left behind. Returns whether the path is free: false if a process listens there.
+    /// Removes a socket that a daemon left behind. Returns whether the path is then free; it is not if a process listens there.
     ///
     /// # Errors
     ///
@@ -103,7 +103,7 @@ impl LocalListener {
         Ok((Self(listener), Self(UnixListener::from_std(copy)?)))
     }
 
-    /// Accepts a connection; returns it with the number of the user at its other end.
+    /// Accepts a connection, and returns it with the ID of the user at its other end.
     pub(crate) fn poll_accept(&self, context: &mut Context<'_>) -> Poll<io::Result<(LocalStream, u32)>> {
         let (stream, _) = ready!(self.0.poll_accept(context))?;
         let user = stream.peer_cred()?.uid();
@@ -126,7 +126,7 @@ mod tests {
         assert!(!socket.answers() && socket.release().unwrap(), "nothing is there");
         let listener = UnixListener::bind(&path).unwrap();
         rustix::net::listen(&listener, 0).unwrap();
-        // One waiting connection fills this backlog.
+        // One waiting connection fills the queue of this listener.
         let _waiting = UnixStream::connect(&path).unwrap();
         assert!(socket.answers() && !socket.release().unwrap() && path.exists());
         drop(listener);

@@ -1,4 +1,4 @@
-//! Notifications for systemd, if it started the daemon and waits for them. A failure is logged.
+//! Sends notifications to systemd, if it has started the daemon and waits for them. A failure is logged.
 
 use sd_notify::NotifyState;
 

@@ -7,8 +7,8 @@ use std::{
 
 use tokio::signal::windows::{ctrl_break, ctrl_c, ctrl_close, ctrl_logoff, ctrl_shutdown};
 
-/// Returns a future that resolves when the user or the system ends the program; the handlers are installed when this function returns. Needs
-/// a tokio runtime with I/O. After the last three events Windows gives a program about five seconds.
+/// Returns a future that resolves when the user or the system ends the program; the handlers are installed when this function returns. Needs a tokio
+/// runtime with I/O. After each of the last three events, Windows gives a program about five seconds to end.
 ///
 /// # Errors
 ///

@@ -35,7 +35,7 @@ impl LocalSocket {
         match *self {}
     }
 
-    /// Whether a process listens there.
+    /// Whether a process listens at the path.
     pub(crate) fn answers(&self) -> bool {
         match *self {}
     }

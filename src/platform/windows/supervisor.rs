@@ -1,4 +1,4 @@
-//! Windows has no supervisor that waits for notifications of a console program: the log states it.
+//! Windows has no supervisor that waits for notifications of a console program. Only a log line reports the state.
 
 /// Clients can connect.
 pub(crate) fn ready() {

@@ -13,13 +13,13 @@ use crate::{
     service::{proto, scene::camera::CameraUpdate, wire::camera},
 };
 
-/// Capacity of the queue of poses.
+/// Capacity of the queue of poses to be sent.
 const WAITING: usize = 16;
 
 /// Lease that a stream of poses requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lease {
-    /// None: poses are accepted while no other client holds the lease.
+    /// No lease: poses are accepted while no other client holds it.
     None,
     /// Takes the lease if it is free.
     Take,
@@ -77,15 +77,15 @@ impl CameraReceiver {
 }
 
 impl Client {
-    /// Moves the camera if it has the expected revision; returns it with its new revision.
+    /// Moves the camera if it has the expected revision; returns the camera with its new revision.
     pub async fn move_camera(&mut self, update: &CameraUpdate, expected_revision: u64) -> Result<Camera, ClientError> {
         let expected_revision = Some(expected_revision);
         let request = proto::SetCameraRequest { expected_revision, ..camera::update_to_pb(update) };
         received_camera(self.camera.set_camera(request).await?.into_inner())
     }
 
-    /// Points the camera at a body or a star. The camera then keeps the reference frame `frame`, whose pole is up;
-    /// without it, its current one.
+    /// Points the camera at a body or a star. The camera is then fixed to the reference frame `frame`, whose pole is up; if it is `None`, to its
+    /// current frame.
     pub async fn look_at(&mut self, name: &str, frame: Option<Frame>) -> Result<Camera, ClientError> {
         let frame = frame.map_or(proto::SkyFrame::Unspecified, camera::sky_frame_to_pb).into();
         let look = Some(proto::Look { frame, at: name.to_owned(), ..Default::default() });

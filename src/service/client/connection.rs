@@ -107,7 +107,7 @@ impl From<CameraMessageError> for ClientError {
 
 impl From<Status> for ClientError {
     fn from(status: Status) -> Self {
-        // The text of an error of the connection is often only the library's layer.
+        // The text of a connection error often names only the library's layer.
         let causes = status.source().map(|_| causes(&status)).filter(|causes| causes.starts_with(status.message()));
         ClientError::Status { code: status.code(), message: causes.unwrap_or_else(|| status.message().to_owned()) }
     }
@@ -132,7 +132,7 @@ pub struct ViewForm {
     pub tone_map: ToneMapKeys,
     /// Keys that the view or its group sets itself: `glare.fraction`.
     pub own_keys: Vec<String>,
-    /// Specification, which can be changed and sent back; `None` if the geometry has no keys, such as that of a headset.
+    /// Specification, which can be changed and sent back; `None` if no keys describe the geometry, as for a headset.
     pub definition: Option<ViewSpec>,
     /// Revision of the scene, which includes changes of views.
     pub revision: u64,
@@ -181,7 +181,7 @@ pub struct ReceivedImage {
 pub struct ReceivedFrame {
     /// Name of the view.
     pub view: String,
-    /// Number of the frame, counted over all views of the renderer; a headset counts its own frames.
+    /// Number of the frame, counted over all views of the renderer; a headset has a separate count.
     pub number: u64,
     /// Revision of the scene.
     pub scene_revision: u64,
@@ -196,14 +196,13 @@ pub struct ReceivedFrame {
     pub exposure_ev100: f64,
     /// Limiting magnitude of stars in the display image; `None` if unknown.
     pub limiting_magnitude: Option<f64>,
-    /// Deep stores: upper bound of a pixel's error due to stars that have not been read yet, codes of 8 bits; `None`: no stars of a deep store are
-    /// drawn.
+    /// Deep stores: upper bound of a pixel's error due to stars that have not been read yet, 8-bit codes; `None`: no stars of a deep store are drawn.
     pub residual_codes: Option<f64>,
     /// Number of frames that this stream has dropped so far.
     pub dropped: u64,
     /// Quality level of its display images; 0: as configured.
     pub quality_level: u32,
-    /// Descriptions of the reductions.
+    /// Descriptions of the reductions of quality.
     pub given_up: Vec<String>,
     /// Camera of the frame; for a headset: the origin of the room.
     pub camera: Camera,
@@ -297,8 +296,8 @@ impl FrameReceiver {
     }
 }
 
-/// The last frame that the client has, to request the next one: a [`ReceivedFrame`], or its number. After a plain
-/// number, H.264 starts with a key picture; 0: no frame.
+/// Identifies the last frame that the client has, so that the next one can be requested: a [`ReceivedFrame`], or the number of a frame (0: none).
+/// With a number, H.264 starts with a key picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct After {
     number: u64,
@@ -351,7 +350,7 @@ impl Client {
     pub async fn connect_as(uri: &str, credentials: &Credentials) -> Result<Self, ClientError> {
         let failed = |source| ClientError::Connect { uri: uri.to_owned(), source };
         let mut endpoint = Endpoint::from_shared(uri.to_owned()).map_err(failed)?;
-        // A daemon that hangs is noticed within 15 s.
+        // These intervals reveal a daemon that hangs within 15 s.
         endpoint = endpoint
             .tcp_nodelay(true)
             .http2_keep_alive_interval(KEEPALIVE_INTERVAL)
@@ -364,7 +363,7 @@ impl Client {
         let channel = InterceptedService::new(channel, credentials.bearer()?);
         Ok(Self {
             camera: CameraServiceClient::new(channel.clone()),
-            // A frame of large views has hundreds of megabytes; the default limit is 4 MiB.
+            // A frame of large views may be hundreds of megabytes in size, but the default limit is 4 MiB.
             view: ViewServiceClient::new(channel.clone()).max_decoding_message_size(usize::MAX),
             diagnostics: DiagnosticsServiceClient::new(channel.clone()),
             scene: SceneServiceClient::new(channel),
@@ -376,7 +375,7 @@ impl Client {
         received_camera(self.camera.get_camera(proto::GetCameraRequest {}).await?.into_inner())
     }
 
-    /// Moves the camera; returns it with its new revision.
+    /// Moves the camera; returns the camera with its new revision.
     pub async fn set_camera(&mut self, update: &CameraUpdate) -> Result<Camera, ClientError> {
         received_camera(self.camera.set_camera(camera::update_to_pb(update)).await?.into_inner())
     }
@@ -456,8 +455,8 @@ impl Client {
         Ok(FrameReceiver { stream, view: self.view.clone() })
     }
 
-    /// Returns the next frame of a view after another one (0: any) as soon as it exists. Display images with a longest
-    /// side above `max_size` pixels are reduced; 0: never.
+    /// Returns the next frame of a view after another one (0: any) as soon as it exists. Display images with a longest side above `max_size` pixels
+    /// are scaled down; if it is 0, none are.
     pub async fn next_frame(
         &mut self,
         view: &str,
@@ -469,8 +468,8 @@ impl Client {
         self.view.next_frame(request).await?.into_inner().try_into()
     }
 
-    /// Returns the next frames of several views, each after the last frame that the client has. Waits until one of them is ready, and returns all
-    /// that are ready then.
+    /// Returns the next frames of several views, each after the last frame that the client has. Waits until at least one of them is ready, and
+    /// returns all frames that are ready at that time.
     pub async fn next_frames<A: Into<After> + Copy>(
         &mut self,
         views: &[(&str, Encoding, A)],

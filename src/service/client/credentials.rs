@@ -49,7 +49,7 @@ impl Credentials {
 
     pub(crate) fn bearer(&self) -> Result<Bearer, ClientError> {
         let header = self.token.as_ref().map(|token| format!("Bearer {token}").parse());
-        // The error text contains no secret either.
+        // The text of this error does not contain the token.
         let header = header.transpose().map_err(|_| ClientError::Token)?;
         Ok(Bearer(header.map(|mut header: MetadataValue<Ascii>| {
             header.set_sensitive(true);

@@ -176,7 +176,7 @@ pub struct DeliveryRound {
     pub skipped: usize,
     /// Length of the measurement.
     pub length: Duration,
-    /// Turn of the camera about its vertical axis, degrees per second.
+    /// Turning rate of the camera about its vertical axis, degrees per second.
     pub turn_deg_s: f64,
     /// Poses per second.
     pub poses_hz: f64,
@@ -211,13 +211,13 @@ impl Delivered {
     }
 }
 
-/// Returns the median, the upper middle of an even number of values; 0 if there are none.
+/// Returns the median. For an even number of values, it is the upper one of the middle two; without values, it is 0.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Returns the median time of each part of frames, in the order of the longest list.
+/// Returns the median time of each part of a frame, in the order of the longest list.
 pub fn median_parts(frames: &[Vec<(String, f64)>]) -> Vec<(String, f64)> {
     let Some(longest) = frames.iter().max_by_key(|parts| parts.len()) else { return Vec::new() };
     let times = |name: &str| {
@@ -227,7 +227,7 @@ pub fn median_parts(frames: &[Vec<(String, f64)>]) -> Vec<(String, f64)> {
     longest.iter().map(|(name, _)| (name.clone(), median(times(name)))).collect()
 }
 
-/// Returns the parts of the daemon's last frame.
+/// Returns the times of the parts of the daemon's last frame.
 fn parts_of(stats: &proto::Stats) -> Option<Vec<(String, f64)>> {
     let times = stats.last_frame.as_ref()?;
     let mut parts = vec![("plan".to_owned(), times.plan_ms)];
@@ -291,7 +291,7 @@ pub async fn measure_delivery(address: &str, round: &DeliveryRound) -> Result<De
     let mut last_arrival: Option<Instant> = None;
     let (mut intervals_ms, mut ages_ms) = (Vec::new(), Vec::new());
     let (mut ev100, mut pixels, mut limiting_magnitude) = (0.0, 0, None);
-    // At least two frames, however slow.
+    // Measure at least two frames, however slow they are.
     while ages_ms.len() < 2 || begin.elapsed() < round.length {
         let frame = tokio::time::timeout(round.patience, stream.next()).await.map_err(silent)?;
         let frame = frame?.ok_or(DeliveryError::Ended)?;

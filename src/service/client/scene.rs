@@ -48,7 +48,7 @@ pub struct SceneForm {
     pub quality: f64,
     /// Overlay of display images.
     pub overlay: Overlay,
-    /// The complete observer, as the change that sets it; empty if the scene has none.
+    /// The complete observer, as a change that sets it; empty if the scene has no observer.
     pub observer: ObserverChange,
 }
 
@@ -137,7 +137,7 @@ impl Client {
         self.scene.get_scene(proto::GetSceneRequest {}).await?.into_inner().try_into()
     }
 
-    /// Changes the scene if it still has the expected revision; returns it with its new one.
+    /// Changes the scene if it still has the expected revision; returns the scene with its new revision.
     pub async fn update_scene(
         &mut self,
         update: &SceneUpdate,

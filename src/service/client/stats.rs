@@ -19,8 +19,8 @@ impl StatsReceiver {
 }
 
 impl Client {
-    /// Streams the statistics of the daemon and of its headset every `interval_s` (0.1 to 60 s; `None`: 1 s) and at
-    /// each change of the headset's status.
+    /// Streams the statistics of the daemon and of its headset every `interval_s` seconds (0.1 to 60; `None`: 1), and at each change of the headset's
+    /// status.
     pub async fn watch_stats(&mut self, interval_s: Option<f64>) -> Result<StatsReceiver, ClientError> {
         let request = proto::WatchStatsRequest { interval_s };
         Ok(StatsReceiver { stream: self.diagnostics.watch_stats(request).await?.into_inner() })

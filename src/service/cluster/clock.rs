@@ -1,4 +1,4 @@
-//! The times of a process for the lock: the machine's monotonic clock, and International Atomic Time (TAI) if it can be trusted.
+//! The clocks that a process uses for the lock: the machine's monotonic clock, and International Atomic Time (TAI) if it can be trusted.
 //!
 //! TAI is passed to the lock only if its offset from UTC is set and a time service bounds the error of the clock by [`LARGEST_ERROR_US`]. Otherwise
 //! frames are shown when COMMIT arrives, and `WatchStats` and the page report that the cluster is not locked.
@@ -9,16 +9,16 @@ use steradian_lock::clock::Now;
 
 use crate::platform::{ClockState, clock};
 
-/// Largest error of a clock that is trusted, us. The kernel's bound grows by 500 us per second between two corrections of the time service.
+/// Largest error with which a clock is trusted, us. The kernel's bound grows by 500 us per second between two corrections of the time service.
 const LARGEST_ERROR_US: i64 = 1_000;
-/// Time between two checks of the clock, ns.
+/// Interval between checks of the clock, ns.
 const CHECK_NS: u64 = 1_000_000_000;
-/// Maximum time between the readings of both clocks, ns; otherwise they are read again.
+/// Maximum time between the readings of the two clocks, ns. If it is exceeded, both are read again.
 const TOGETHER_NS: u64 = 100_000;
-/// Maximum number of attempts to read both clocks within this time.
+/// Maximum number of attempts to read both clocks within [`TOGETHER_NS`].
 const READINGS: u32 = 4;
 
-/// The reason not to trust a clock; `None`: it is trusted.
+/// Returns the reason not to trust a clock; `None` if it is trusted.
 fn distrust(state: &io::Result<ClockState>) -> Option<String> {
     let state = match state {
         Ok(state) => state,
@@ -35,7 +35,7 @@ fn distrust(state: &io::Result<ClockState>) -> Option<String> {
     }
 }
 
-/// The reason why the clock of this machine cannot be used for times of presentation; `None`: it can.
+/// Returns the reason why the clock of this machine cannot be used for times of presentation; `None` if it can be used.
 pub fn distrusted_clock() -> Option<String> {
     distrust(&clock::clock_state())
 }
@@ -46,7 +46,7 @@ pub(super) struct Clock {
     checked_ns: Option<u64>,
     /// The reason not to use TAI; `None`: it is used.
     distrusted: Option<String>,
-    /// Whether TAI is used, as logged last; `None`: not logged yet.
+    /// Whether TAI is used, as stated by the last log line; `None` if nothing has been logged yet.
     told: Option<bool>,
 }
 
@@ -87,13 +87,13 @@ impl Clock {
         }
         match &self.distrusted {
             Some(reason) => tracing::warn!(
-                "cluster: the clock of this machine is not used, frames are shown when COMMIT arrives: {reason}"
+                "cluster: the clock of this machine is not used, so frames are shown when COMMIT arrives: {reason}"
             ),
             None => tracing::info!("cluster: the clock of this machine is used for times of presentation"),
         }
     }
 
-    /// The reason not to use TAI; `None`: it is used.
+    /// Returns the reason not to use TAI; `None` if it is used.
     pub(super) fn distrusted(&self) -> Option<&str> {
         self.distrusted.as_deref()
     }

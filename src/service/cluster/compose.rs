@@ -48,7 +48,7 @@ pub(super) struct Composer {
     eyes: HashMap<ExposureGroup, Eye>,
     known: Option<Known>,
     position_m: Option<DVec3>,
-    /// Chooses the quality level; `None` until the settings are known, or if the time of frames is not limited.
+    /// Chooses the quality level. `None` until the settings are known, and if the time of frames is not limited.
     quality: Option<Quality>,
     reported: bool,
 }
@@ -135,7 +135,7 @@ impl Composer {
             let Some(planned) = planned else {
                 if !std::mem::replace(&mut self.reported, true) {
                     tracing::error!(
-                        "a view meters its exposure, which is not possible in a cluster: it keeps its last exposure"
+                        "a view meters its exposure, which is not possible in a cluster, so it keeps its last exposure"
                     );
                 }
                 done.insert(&group.exposure_group, eye.ev100);

@@ -11,7 +11,7 @@ use crate::{
     },
 };
 
-/// Every number that affects pixels is sent as its bits.
+/// Every number that affects pixels is sent as its exact bit pattern.
 #[derive(Clone, PartialEq, Message)]
 struct CuePb {
     #[prost(uint64, tag = "1")]

@@ -230,7 +230,7 @@ impl Conductor {
         }
     }
 
-    /// Notes figures of a message.
+    /// Records figures that a message contains.
     fn note(&mut self, now: Now, node: NodeId, message: &ToDirector) {
         let name = self.name(node).to_owned();
         let Some(notes) = self.notes.get_mut(usize::from(node.0)) else { return };
@@ -358,7 +358,7 @@ impl Conductor {
         }
     }
 
-    /// The problem, if there is one: no frame can be requested, or a connection was refused a short time ago.
+    /// Returns the problem, which is empty if there is none: no frame can be requested, or a connection was refused a short time ago.
     fn reason(&self, now: Now) -> String {
         let is_recent = |at_ns: u64| now.monotonic_ns < at_ns + RECENT_NS;
         if self.problem.is_empty() && self.handshake_ns.is_some_and(is_recent) {
@@ -434,7 +434,7 @@ impl Conductor {
     }
 }
 
-/// Text of a reason to leave a node out.
+/// Describes the reason to leave a node out.
 fn why(reason: OutReason) -> &'static str {
     match reason {
         OutReason::Joining => "it joins: it has not been ready often enough yet",
@@ -444,7 +444,7 @@ fn why(reason: OutReason) -> &'static str {
     }
 }
 
-/// Name of a reason to skip a frame.
+/// Returns the name of the reason to skip a frame.
 fn skip_name(reason: SkipReason) -> &'static str {
     match reason {
         SkipReason::Starting => "starting",

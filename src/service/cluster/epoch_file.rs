@@ -8,7 +8,7 @@ use std::{
 
 use steradian_lock::messages::Epoch;
 
-/// Reads the promised epoch; without a file it is none.
+/// Reads the promised epoch. If there is no file, no epoch has been promised.
 ///
 /// # Errors
 ///

@@ -10,7 +10,7 @@ use steradian_lock::director;
 /// Number of values from which a distribution is computed.
 const WINDOW: usize = 1024;
 
-/// State of the cluster as one process knows it. Times in ms.
+/// State of the cluster as one process knows it. Times are in ms.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct ClusterFigures {
     /// Name of the cluster.
@@ -19,7 +19,7 @@ pub(crate) struct ClusterFigures {
     pub(crate) process: String,
     /// Director: `gathering`, `starting`, `running`, `deposed`. Node: `looking`, `refused`, `led`, `black`.
     pub(crate) state: String,
-    /// Why it is not running; empty if it is.
+    /// The reason why it is not running; empty if it is.
     pub(crate) reason: String,
     /// Whether all nodes show the same frame at common times: the green light.
     pub(crate) locked: bool,
@@ -53,15 +53,15 @@ pub(crate) struct NodeFigures {
     pub(crate) name: String,
     /// `absent`, `refused`, `out` or `in`.
     pub(crate) state: &'static str,
-    /// Why it is not in; otherwise empty.
+    /// The reason why it is not in; empty if it is.
     pub(crate) reason: String,
     /// Time from STATE to READY.
     pub(crate) ready: Times,
-    /// Time that it took to draw.
+    /// Time that it needed to draw.
     pub(crate) drawn: Times,
-    /// Times that it was left out.
+    /// Number of times that it was left out.
     pub(crate) out: u64,
-    /// HELLOs that were refused.
+    /// Number of its HELLO messages that were refused.
     pub(crate) refused: u64,
     pub(crate) version: String,
     pub(crate) adapter: String,
@@ -73,7 +73,7 @@ pub(crate) struct NodeFigures {
     pub(crate) clock: bool,
 }
 
-/// Median, 99 % and maximum of the last 1024 values, ms.
+/// Median, 99th percentile and maximum of the last 1024 values, ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Times {
     pub(crate) median_ms: f64,
@@ -121,12 +121,12 @@ impl SharedFigures {
     }
 }
 
-/// Hexadecimal digits of the first eight bytes of a hash.
+/// Returns the first eight bytes of a hash as hexadecimal digits.
 pub(super) fn short(hash: &[u8; 32]) -> String {
     hash[..8].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Name of a phase of the director.
+/// Returns the name of a phase of the director.
 pub(super) fn phase_name(phase: director::Phase) -> &'static str {
     match phase {
         director::Phase::Gathering => "gathering",

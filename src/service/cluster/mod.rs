@@ -89,7 +89,7 @@ struct Party {
 /// The part of a running daemon that belongs to its cluster.
 pub(crate) struct Cluster {
     figures: Arc<SharedFigures>,
-    /// Node: the reason why changes are refused.
+    /// The reason why a node refuses changes; `None` for the director.
     pub(crate) refusal: Option<Arc<str>>,
     stop: Box<dyn Fn() + Send + Sync>,
 }
@@ -155,7 +155,7 @@ impl Cluster {
     }
 }
 
-/// The queue of a thread, its events, and the callback of the wire that adds received messages.
+/// Creates the queue of a thread. Returns it with the receiver of its events, and the callback of the wire that adds received messages.
 fn queue_of<E: Send + 'static>(event: fn(Heard) -> E) -> (Arc<Queue<E>>, Receiver<E>, Hear) {
     let (queue, events) = Queue::new();
     let queue = Arc::new(queue);

@@ -53,7 +53,7 @@ pub(super) enum Event {
         id: FrameId,
         pictures: Result<Pictures, CueError>,
     },
-    /// The windows have prepared a frame, or have lost their device with it.
+    /// The windows have prepared a frame, or have lost their device while they prepared it.
     Prepared {
         id: FrameId,
         is_ready: bool,
@@ -76,7 +76,7 @@ struct Player {
     pictures: HashMap<FrameId, (Pictures, u64)>,
     /// Pictures that were handed to the stage.
     staged: u64,
-    /// Pictures that streams show, to be shown in black.
+    /// Pictures that streams show; after a long time without a frame, black ones replace them.
     last: Option<Pictures>,
     /// Revision and hash of the scene.
     scene: (u64, [u8; 32]),
@@ -209,7 +209,7 @@ impl Player {
         }
     }
 
-    /// Reports a problem once.
+    /// Logs a problem unless it is the one that was logged last.
     fn report(&mut self, problem: String) {
         if self.problem != problem {
             tracing::error!("cluster: {problem}");

@@ -90,7 +90,7 @@ impl Refusals {
     }
 }
 
-/// Layer of a log that counts refusals of the network.
+/// Returns a layer for a log that counts refusals of the network.
 #[cfg(feature = "cluster")]
 pub fn watch<S>() -> impl tracing_subscriber::Layer<S>
 where

@@ -23,7 +23,7 @@ pub(super) fn encode(scene: &SceneState, time: &TimeSource) -> Arc<[u8]> {
     ScenePb { saved, jumps: scene.jumps }.encode_to_vec().into()
 }
 
-/// Hash of everything in a scene that determines pictures. The scene's time is left out, because cues contain it.
+/// Returns the hash of everything in a scene that determines pictures. The scene's time is left out, because cues contain it.
 pub(super) fn hash(scene: &SceneState, time: &TimeSource) -> [u8; 32] {
     let mut saved = Saved::from_scene(scene, None, time);
     saved.time = None;
@@ -37,7 +37,7 @@ pub(super) fn hash(scene: &SceneState, time: &TimeSource) -> [u8; 32] {
     Sha256::digest(saved.encode_to_vec()).into()
 }
 
-/// The node's scene after it has received the director's. Placing asteroids may take seconds.
+/// Returns the node's scene after the director's scene in `bytes` has been applied. Placing asteroids may take seconds.
 pub(super) fn applied(bytes: &[u8], render: &RenderHandle) -> Result<SceneState, String> {
     let ScenePb { saved, jumps } = ScenePb::decode(bytes).map_err(|error| error.to_string())?;
     let saved = saved.ok_or("it has no content")?;

@@ -37,7 +37,7 @@ pub(super) struct Station {
 }
 
 impl Station {
-    /// `real_time`: whether the threads of the wire have real-time scheduling.
+    /// Creates the state. `real_time` states whether the threads of the wire have real-time scheduling.
     pub(super) fn new(party: Party, (wire, real_time): (Box<dyn Wire>, bool), figures: Arc<SharedFigures>) -> Self {
         let mut clock = Clock::new();
         let now = clock.now();
@@ -46,7 +46,7 @@ impl Station {
         Self { party, clock, wire, unreadable: 0, unsent: 0, real_time, figures, figures_ns: 0, begun_ns }
     }
 
-    /// Waits for an event, until `wake_ns` or until figures are due; returns the time then, and all events.
+    /// Waits for an event, until `wake_ns` or until figures are due. Returns the time at the end of the wait, and all events.
     pub(super) fn wait<'a, T>(
         &self,
         events: &'a Receiver<T>,
@@ -93,7 +93,7 @@ impl Station {
     }
 }
 
-/// Name of a frame in lines of [`FRAMES`]: the epoch's counter and the director's random number, and the number of the frame.
+/// Returns the name of a frame in lines of [`FRAMES`]: the epoch's counter, the director's random number, and the number of the frame.
 pub(super) fn frame_name(FrameId { epoch, number }: FrameId) -> String {
     format!("{}.{:016x} {number}", epoch.counter, epoch.run)
 }

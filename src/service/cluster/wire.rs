@@ -35,17 +35,17 @@ pub type Hear = Arc<dyn Fn(Heard) + Send + Sync>;
 
 /// An open network. No method waits for another process.
 pub trait Wire: Send {
-    /// Sends a message. A message that cannot be sent at once is dropped; the lock repeats what matters.
+    /// Sends a message. A message that cannot be sent at once is dropped; the lock repeats the messages that matter.
     ///
     /// # Errors
     ///
     /// The network refuses the message.
     fn send(&mut self, to: To, bytes: &[u8]) -> Result<(), String>;
 
-    /// Director: answers nodes that ask for the scene with these bytes from now on.
+    /// For a director: from now on, answers nodes that request the scene with these bytes.
     fn offer_scene(&mut self, bytes: Arc<[u8]>);
 
-    /// Node: asks the director for its scene. The answer is [`Heard::Scene`].
+    /// For a node: requests the director's scene. The answer is [`Heard::Scene`].
     ///
     /// # Errors
     ///
@@ -53,5 +53,5 @@ pub trait Wire: Send {
     fn ask_scene(&mut self) -> Result<(), String>;
 }
 
-/// Opens the network on the calling thread, whose scheduling its threads inherit.
+/// Function that opens the network. The network's threads inherit the scheduling of the calling thread.
 pub type OpenWire = Box<dyn FnOnce(Hear) -> Result<Box<dyn Wire>, String> + Send>;

@@ -8,8 +8,8 @@
 //! | `scene` | director | answers requests for the scene |
 //!
 //! Messages of the lock are express, of real-time priority, and dropped if a connection cannot take them, so that a process that hangs delays no
-//! other process. With TLS both sides have certificates, and access lists by common name determine which process may send which messages, tokens
-//! included. Callbacks run on Zenoh's threads and only push into a queue.
+//! other process. With TLS both sides have certificates, and access lists by common name determine which messages, including tokens, each process may
+//! send. Callbacks run on Zenoh's threads and only push into a queue.
 
 use std::{
     path::PathBuf,
@@ -39,7 +39,7 @@ const MOST_QUEUED: u32 = 16;
 const RETRY_MS: u32 = 100;
 
 /// Variable for the threads of Zenoh, and its value under TLS: one thread reads and writes all connections. By default several threads do, even for
-/// the same encrypted connection at the same time. This corrupts its memory and ends the process (eclipse-zenoh/zenoh, issue 2557).
+/// the same encrypted connection at the same time. This corrupts memory and ends the process (eclipse-zenoh/zenoh, issue 2557).
 pub const ZENOH_THREADS: (&str, &str) = ("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx))");
 
 /// A process's place in the network.
@@ -138,7 +138,7 @@ impl ZenohOptions {
             ("mode", json!("peer")),
             ("listen/endpoints", json!(listen)),
             ("connect/endpoints", json!(connect)),
-            // -1: tries to connect in the background, without a time limit.
+            // -1 means that it tries to connect in the background, without a time limit.
             ("connect/timeout_ms", json!(-1)),
             ("connect/exit_on_failure", json!(false)),
             ("connect/retry", retry),
@@ -162,8 +162,8 @@ impl ZenohOptions {
                     "verify_name_on_connect": true,
                 }),
             ));
-            // One thread reads and writes. If it fills a queue while it reads, it waits until it has written messages itself, so queues are long. The
-            // queue of frames keeps Zenoh's default size, because it has no backlog.
+            // One thread both reads and writes. If it filled a queue while it reads, it would wait for itself to write messages, so the queues are
+            // long. The queue of frames keeps Zenoh's default size, because it has no backlog.
             let queues = json!({
                 "control": MOST_QUEUED, "real_time": 2, "interactive_high": MOST_QUEUED, "interactive_low": MOST_QUEUED,
                 "data_high": MOST_QUEUED, "data": MOST_QUEUED, "data_low": MOST_QUEUED, "background": MOST_QUEUED,
@@ -202,7 +202,7 @@ struct ZenohWire {
     _answers: Option<Queryable<()>>,
 }
 
-/// The last part of a key.
+/// Returns the last part of a key.
 fn last<'a>(key: &'a KeyExpr<'_>) -> &'a str {
     key.as_str().rsplit('/').next().unwrap_or_default()
 }

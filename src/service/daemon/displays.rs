@@ -26,7 +26,7 @@ pub(super) struct Displays {
     windows: Option<(Arc<Windows>, PendingWindows)>,
 }
 
-/// Function that opens the windows, their definitions, and the receiver of presses of the test pattern key.
+/// The function that opens the windows, the definitions of the windows, and the receiver of presses of the test pattern key.
 struct PendingWindows {
     open: OpenWindows,
     definitions: Vec<WindowConfig>,
@@ -45,7 +45,7 @@ impl Displays {
         Self { headset, windows }
     }
 
-    /// The displays as the service sees them.
+    /// Returns the displays as the service sees them.
     pub(super) fn shared(&self) -> (Option<Arc<Headset>>, Option<Arc<Windows>>) {
         let headset = self.headset.as_ref().map(|(headset, _)| Arc::clone(headset));
         (headset, self.windows.as_ref().map(|(windows, _)| Arc::clone(windows)))

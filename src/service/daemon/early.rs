@@ -1,7 +1,7 @@
 //! The time before the daemon serves: it listens at once and reports the progress of its start to clients.
 //!
-//! Health is NOT_SERVING; every other call gets UNAVAILABLE, and every page the status 503, with the progress. The access rules already apply. The
-//! daemon then takes over the same socket, so no connection is refused in between.
+//! Meanwhile, health is NOT_SERVING; every other call gets UNAVAILABLE, and every page gets the status 503. Both contain the progress. The access
+//! rules already apply. The daemon then takes over the same socket, so no connection is refused during the change.
 
 use std::{
     collections::BTreeMap,
@@ -90,10 +90,10 @@ impl EarlyServer {
     ///
     /// # Errors
     ///
-    /// As [`super::run`]: the access rules or the address.
+    /// The errors of [`super::run`] about the access rules and the address.
     pub async fn open(network: &NetworkOptions, progress: Arc<StartProgress>) -> Result<Self, ServeError> {
         let Listening { listener, address, access, hangups } = Listening::open(network).await?;
-        // A separate runtime: when it ends, all connections end, even those without a request, which browsers open in advance.
+        // Use a separate runtime. When it ends, all connections end, even those without a request, which browsers open in advance.
         let runtime = Builder::new_multi_thread().worker_threads(1).thread_name("starting").enable_all().build()?;
         let (listener, early) = listener.twice(runtime.handle())?;
         // The rules are not reloaded before the daemon serves; a signal is remembered until then.
@@ -108,7 +108,7 @@ impl EarlyServer {
             .layer(HandleFirst(Starting(progress)))
             .add_service(health_service)
             .serve_with_incoming_shutdown(Incoming::new(early, current, Arc::new(Shares::new(WATCHES))), async move {
-                // A dropped sender has the same meaning.
+                // A dropped sender also ends this server.
                 let _ = closed.await;
             });
         let task = runtime.spawn(async move {
@@ -124,7 +124,7 @@ impl EarlyServer {
         })
     }
 
-    /// The address.
+    /// Returns the address.
     pub fn address(&self) -> &Address {
         &self.listening.address
     }

@@ -56,7 +56,10 @@ fn restored(file: &StateFile, begun: Begun, time: &TimeSource) -> Result<Begun, 
         let bodies = scene.objects.bodies.iter().map(|body| body.name.as_str());
         let gone: Vec<&str> = bodies.filter(|name| !kept(name)).collect();
         if !gone.is_empty() {
-            tracing::info!("bodies of the configuration that the state file lacks: {}", gone.join(", "));
+            tracing::info!(
+                "bodies of the configuration that are not restored, because the state file lacks them: {}",
+                gone.join(", ")
+            );
         }
         let (before, after) = (scene.objects.observer, restored.objects.drawn.observer);
         if before.map(|observer| observer.place) != after.map(|observer| observer.place) {

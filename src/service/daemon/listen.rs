@@ -37,7 +37,7 @@ pub(super) struct Listening {
 impl Listening {
     /// Reads the access rules and binds the address.
     pub(super) async fn open(network: &NetworkOptions) -> Result<Self, ServeError> {
-        // Register for the signal before the rules are read: a later signal is remembered until they can be reloaded.
+        // Register for the signal before reading the rules: a signal that arrives later is remembered until they can be reloaded.
         let hangups = ReloadSignal::install()?;
         let access = network.access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
         let access = access.map_err(ServeError::Access)?;
@@ -61,7 +61,7 @@ async fn bind(listen: &str, access: &Access) -> Result<(Listener, Address), Serv
     Ok((Listener::Tcp(listener), address))
 }
 
-/// Checks, before slow work at the start, whether [`run`](super::run) would listen on an address.
+/// Checks whether [`run`](super::run) would listen on an address. Call this at the start, before slow work.
 ///
 /// # Errors
 ///
@@ -103,7 +103,7 @@ impl Address {
     pub(super) fn remove_socket(&self) {
         let Self::Unix(path) = self else { return };
         if !LocalSocket::new(path).is_ok_and(|socket| socket.exists()) {
-            tracing::warn!("{self} is no longer a socket: it is left as it is");
+            tracing::warn!("{self} is no longer a socket, so it is not removed");
         } else if let Err(error) = std::fs::remove_file(path) {
             tracing::warn!("cannot remove {self}: {error}");
         }
@@ -169,7 +169,7 @@ pub(super) async fn keep_access(
                 warn(&access.borrow());
                 tracing::info!("reloaded the access rules: {tokens} tokens, {certificates} certificates");
             }
-            Err(problem) => tracing::error!("cannot reload the access rules, the old ones stay: {problem}"),
+            Err(problem) => tracing::error!("cannot reload the access rules, so the old ones stay in use: {problem}"),
         }
     }
     // Keep the channel open, so that its receivers keep waiting.

@@ -7,22 +7,23 @@ mod early;
 mod initial_state;
 mod listen;
 mod options;
+mod server;
 mod threads;
 
-use std::{io, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
+use std::{io, path::PathBuf, pin::Pin, sync::Arc};
 
 use tokio::{
     sync::{oneshot, watch},
     time::{Instant, timeout_at},
 };
-use tonic::{codegen::BoxFuture, server::NamedService, transport::Server};
+use tonic::{codegen::BoxFuture, server::NamedService};
 use tonic_health::{ServingStatus, server::HealthReporter};
-use tonic_web::GrpcWebLayer;
 
 use self::{
     displays::Displays,
     initial_state::Begun,
     listen::{Listening, keep_access},
+    server::Front,
     threads::{FAREWELL, Threads},
 };
 pub use self::{
@@ -40,20 +41,10 @@ use crate::{
             render_thread::{self},
             shared_state::Capacity,
         },
-        handlers::{
-            metrics::Metrics,
-            service::{OptionalParts, Service},
-        },
-        network::{
-            access::Gate,
-            clients::Shares,
-            connections::{Bounds, Incoming},
-            http_handler::HandleFirst,
-            page::Page,
-            statuses::CorrectStatuses,
-        },
+        handlers::service::{OptionalParts, Service},
+        network::{clients::Shares, connections::Incoming},
         proto::{
-            self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
+            camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
             scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
         },
         state_file::{StateError, StateFile},
@@ -61,17 +52,6 @@ use crate::{
     },
     view::RigError,
 };
-
-/// A client that has been silent for this long is pinged.
-const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(20);
-/// A client that does not answer a ping within this time is disconnected.
-const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(10);
-/// Concurrent calls of one connection; further calls wait.
-const CALLS: u32 = 128;
-/// Maximum bytes of the headers of a call.
-const HEADER_BYTES: u32 = 16 << 10;
-/// Maximum bytes of a message, except for changes of the scene.
-const SMALL_REQUEST_BYTES: usize = 64 << 10;
 
 /// Services whose health is reported, besides the overall health (the empty name).
 const SERVICES: [&str; 4] = [
@@ -81,7 +61,7 @@ const SERVICES: [&str; 4] = [
     <DiagnosticsServiceServer<Service> as NamedService>::NAME,
 ];
 
-/// What to do instead if the address is taken.
+/// Advice if the address is taken.
 fn other_address(taken: &Address) -> &'static str {
     match taken {
         Address::Tcp(_) => "listen on another port (port 0 takes a free one)",
@@ -223,21 +203,14 @@ async fn wait_for_camera(keeper: tokio::task::JoinHandle<()>, deadline: Instant)
     }
 }
 
-/// Builder of the reflection services, for the protocol and the health service.
-fn reflection<'a>() -> tonic_reflection::server::Builder<'a> {
-    tonic_reflection::server::Builder::configure()
-        .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
-        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-}
-
-/// Serves until told to end. Needs a tokio runtime with I/O and time. Encoders and a frame that exceed the drain time
+/// Serves until asked to end. Needs a tokio runtime with I/O and time. Encoders and a frame that exceed the drain time
 /// may still run when it returns: to exit then, do not wait for the runtime's threads.
 ///
 /// # Errors
 ///
-/// See [`ServeError`]. An orderly end returns none, even if clients had to be cut off.
+/// See [`ServeError`]. An orderly end is not an error, even if clients had to be cut off.
 pub fn run(options: ServeOptions) -> BoxFuture<(), ServeError> {
-    // Without the box, every crate that awaits the daemon would compile all of it again.
+    // Without the box, every crate that awaits the future would compile the whole daemon again.
     Box::pin(serve(options))
 }
 
@@ -283,7 +256,6 @@ async fn serve(options: ServeOptions) -> Result<(), ServeError> {
     let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access, time.clone()));
     let mut shutdown = shutdown.future()?;
 
-    let (reflection_v1, reflection_v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);
     let (mut health, health_service) = tonic_health::server::health_reporter();
     report_health(&health, ServingStatus::Serving).await;
 
@@ -317,29 +289,10 @@ async fn serve(options: ServeOptions) -> Result<(), ServeError> {
     let mut threads = Threads { handle: handle.clone(), render: thread, headset, windows, render_ended: false };
 
     let (close, closed) = oneshot::channel::<()>();
-    let serving = Server::builder()
-        .accept_http1(true)
-        .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
-        .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
-        .max_concurrent_streams(CALLS)
-        .http2_max_header_list_size(HEADER_BYTES)
-        .layer(Bounds::new(hosts))
-        .layer(Gate::new(current_access.clone(), cluster.as_ref().and_then(|cluster| cluster.refusal.clone())))
-        .layer(HandleFirst(Metrics { service: service.clone(), access: current_access.clone() }))
-        .layer(HandleFirst(Page::new()))
-        .layer(GrpcWebLayer::new())
-        .layer(CorrectStatuses)
-        .add_service(SceneServiceServer::new(service.clone()))
-        .add_service(CameraServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))
-        .add_service(ViewServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))
-        .add_service(DiagnosticsServiceServer::new(service).max_decoding_message_size(SMALL_REQUEST_BYTES))
-        .add_service(health_service)
-        .add_service(reflection_v1)
-        .add_service(reflection_v1alpha)
-        .serve_with_incoming_shutdown(Incoming::new(listener, current_access, shares), async move {
-            // A dropped sender has the same meaning.
-            let _ = closed.await;
-        });
+    let incoming = Incoming::new(listener, current_access.clone(), shares);
+    let refusal = cluster.as_ref().and_then(|cluster| cluster.refusal.clone());
+    let front = Front { hosts, access: current_access, refusal, incoming, closed };
+    let serving = server::serve(service, health_service, front).inspect_err(|_| handle.stop())?;
     tokio::pin!(serving);
     if let Some(end) = early {
         end.await;
@@ -347,7 +300,7 @@ async fn serve(options: ServeOptions) -> Result<(), ServeError> {
     tracing::info!("serving on {address}");
     ready(address.clone());
 
-    // Wait until told to end, or until a vital part fails.
+    // Wait for the request to end, or for the failure of a vital part.
     let mut outcome = tokio::select! {
         () = &mut shutdown => Ok(()),
         () = threads.render_end() => Ok(()),
@@ -386,7 +339,7 @@ async fn serve(options: ServeOptions) -> Result<(), ServeError> {
     outcome
 }
 
-/// Resolves when the cluster's thread has ended by itself, with the reason; never without one.
+/// Resolves with the reason when the cluster's thread has ended by itself. Never resolves without such a thread.
 async fn ended(thread: &mut Option<ClusterThread>) -> String {
     if let Some(running) = thread.as_mut() {
         // Nothing is sent.

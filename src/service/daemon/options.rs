@@ -87,9 +87,9 @@ impl fmt::Display for Address {
 pub struct NetworkOptions {
     /// Address to listen on: `host:port` (port 0 takes a free one) or `unix:PATH`.
     pub listen: String,
-    /// Host names, without ports, that clients may use in requests besides `localhost` and addresses.
+    /// Host names, without ports, that clients may use in requests in addition to `localhost` and addresses.
     pub hosts: Vec<String>,
-    /// Source of the access rules; `None`: every client has access, on the loopback address or a Unix socket only.
+    /// Source of the access rules. `None`: every client has access, but only on the loopback address or a Unix socket.
     pub access: Option<AccessSource>,
 }
 
@@ -114,7 +114,7 @@ impl Default for LimitOptions {
 pub struct SceneOptions {
     /// The scene; its camera is the first pose.
     pub snapshot: SceneSnapshot,
-    /// The scene's time if it runs; `None`: it stays at the time of the snapshot's objects.
+    /// Clock of the scene's time. `None`: the time does not run, and stays that of the snapshot's objects.
     pub clock: Option<SceneClock>,
     /// The daemon's time.
     pub time: TimeSource,
@@ -124,7 +124,7 @@ pub struct SceneOptions {
     pub asteroid_fields: Vec<Arc<FieldSpec>>,
     /// Definition of the scene's observer, if it has one.
     pub observer: Option<ObserverConfig>,
-    /// Sources of the stars for times that are years away; empty: the stars have no proper motion.
+    /// Sources from which the stars are computed for times that are years away. If it is empty, the stars have no proper motion.
     pub star_sources: Vec<StarSource>,
 }
 
@@ -165,7 +165,7 @@ pub struct ServeOptions {
     pub state: Option<PathBuf>,
     /// Called once with the address when clients can connect.
     pub ready: Box<dyn FnOnce(Address) + Send>,
-    /// Signal to read the access rules again.
+    /// Signal on which the daemon reads the access rules again.
     pub reloads: Reloads,
     /// Signal to end.
     pub shutdown: Shutdown,

@@ -43,7 +43,7 @@ impl Threads {
         self.render_ended = true;
     }
 
-    /// Waits for all threads, which were asked to stop, until `deadline` and at least [`FAREWELL`].
+    /// Waits for all threads, which have been asked to stop, until `deadline`. If little time is left until then, waits up to [`FAREWELL`].
     pub(super) async fn join(self, deadline: Instant) -> Result<(), ServeError> {
         let latest = || deadline.max(Instant::now() + FAREWELL);
         if let Some((_, thread)) = self.headset {
@@ -56,8 +56,8 @@ impl Threads {
     }
 }
 
-/// Waits until `deadline` for the render thread, which was asked to stop. A busy thread is
-/// abandoned: it holds nothing that outlives the process.
+/// Waits until `deadline` for the render thread, which has been asked to stop. A busy thread is abandoned: it holds nothing that outlives the
+/// process.
 async fn join(thread: RenderThread, ended: bool, deadline: Instant) -> Result<(), ServeError> {
     let result = match ended {
         true => Some(thread.join.join()),

@@ -59,7 +59,7 @@ struct Request {
     wanted: Wanted,
     /// Minimum revisions of the frame.
     at_least: Revisions,
-    /// Whether the headset was asked for the image; only frames that began after the request count.
+    /// Whether the headset was asked for the image. Only frames that began after this request can serve it.
     asked: bool,
     reply: Reply,
 }
@@ -71,13 +71,13 @@ struct Subscriber {
     interval: Duration,
     /// Due time of the last frame that it received.
     last: Option<Instant>,
-    /// Due time of the requested frame; it arrives with the next frame, or never if that one is lost.
+    /// Due time of the requested frame. The request is served by the next frame, or never if that frame is lost.
     asked: Option<Instant>,
     slot: Weak<LatestFrame>,
 }
 
 impl Subscriber {
-    /// Each frame has a new pose, so only the interval counts.
+    /// Whether a frame is due. Each frame has a new pose, so this depends only on the interval.
     fn is_due(&self, now: Instant) -> bool {
         self.last.is_none_or(|last| now.duration_since(last) >= self.interval)
     }
@@ -109,7 +109,7 @@ pub(crate) struct Headset {
     state: Mutex<State>,
     /// Changes while `state` is locked.
     status: watch::Sender<Status>,
-    /// Whether the last flight was refused.
+    /// Whether the last movement by the controllers was refused.
     refusing: AtomicBool,
 }
 
@@ -268,8 +268,10 @@ impl Host for Headset {
     fn fly(&self, flight: &Flight) {
         match self.render.fly(flight) {
             Ok(_) => self.refusing.store(false, Relaxed),
-            // A controller repeats its input every frame: log it only once.
-            Err(error) if !self.refusing.swap(true, Relaxed) => tracing::warn!("the flight is stopped: {error}"),
+            // A controller repeats its input in every frame, so log the error only once.
+            Err(error) if !self.refusing.swap(true, Relaxed) => {
+                tracing::warn!("the controllers cannot move the camera: {error}")
+            }
             Err(_) => {}
         }
     }
@@ -367,7 +369,7 @@ mod tests {
                 }
             }
             assert!(served * 50 >= expected * 49 && served <= expected + 1, "{interval_ms} ms: {served}");
-            // Lost frames are not made up for by two at once.
+            // Two frames in quick succession must not make up for a lost one.
             assert!(gaps.iter().all(|gap| *gap + refresh + Duration::from_millis(1) >= interval), "{interval_ms} ms");
         }
     }

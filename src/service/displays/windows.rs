@@ -40,7 +40,7 @@ use crate::{
 
 /// Time that windows wait for a frame before they check for other changes.
 const PATIENCE: Duration = Duration::from_millis(30);
-/// Delay of the next request after a failed frame.
+/// Delay before the next request after a failed frame.
 const AFTER_FAILURE: Duration = Duration::from_millis(100);
 /// Interval between attempts to open a display.
 const LOOK_FOR_DISPLAY: Duration = Duration::from_secs(5);
@@ -160,7 +160,7 @@ impl Windows {
         }
     }
 
-    /// Images that all visible windows show.
+    /// Returns the images that the visible windows show.
     fn wanted(&self, scene: &SceneState, shown: &[bool]) -> Vec<(ViewId, Wanted)> {
         let mut wanted: Vec<(ViewId, Wanted)> = Vec::new();
         for (config, _) in self.configs.iter().zip(shown).filter(|(_, shown)| **shown) {
@@ -184,7 +184,7 @@ impl Windows {
         Some(())
     }
 
-    /// Returns the images that the windows show: of the requested frames.
+    /// Returns the images that the windows show, taken from the requested frames.
     fn images(&self, asked: &Asked, shown: &[bool]) -> WindowFrame {
         let frame = |id: ViewId, _| {
             asked.frames.iter().find(|(of, _)| *of == id).and_then(|(_, frame)| match frame {
@@ -225,7 +225,7 @@ impl Windows {
         WindowFrame { images: self.configs.iter().zip(shown).map(image).collect() }
     }
 
-    /// The next action of the windows of a led worker.
+    /// Returns the next action of the windows of a led worker.
     fn next_staged(&self, stage: &Stage, scene: &SceneState, shown: &[bool]) -> Next {
         self.render.show_in_windows(self.wanted(scene, shown));
         match stage.next(PATIENCE) {
@@ -262,7 +262,7 @@ impl Windows {
     }
 }
 
-/// Figures of windows without an image.
+/// Returns the figures of windows without an image.
 fn figures(configs: &[WindowConfig], reason: &str) -> Vec<WindowFigures> {
     let figures = |config: &WindowConfig| {
         let state = WindowState::NoDisplay(reason.to_owned());
@@ -351,7 +351,7 @@ impl Host for Windows {
 
     fn command(&self, command: Command) {
         match command {
-            // If keys are pressed faster than the scene changes, only the queued presses count.
+            // If keys are pressed faster than the scene changes, presses that do not fit into the queue are lost.
             Command::TestPattern => drop(self.keys.try_send(())),
             Command::Quit => tracing::info!("ignored: keys and closed windows do not end the daemon"),
         }

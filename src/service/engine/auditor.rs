@@ -22,9 +22,9 @@ use crate::{
     service::frames::rendered_frame::RenderedFrame,
 };
 
-/// Compared pixels per image.
+/// Number of compared pixels per image.
 const PIXELS: usize = 64;
-/// Pause after an audit, as a multiple of its duration, and its minimum.
+/// Pause after an audit as a multiple of the duration of the audit, and the minimum pause.
 const REST: u32 = 19;
 const LEAST_REST: Duration = Duration::from_secs(1);
 
@@ -44,7 +44,7 @@ pub(crate) struct AuditedFrame {
 pub(crate) struct AuditFigures {
     /// Number of audited frames.
     pub(crate) audited: u64,
-    /// Number of those that exceed an error budget.
+    /// Number of audited frames that exceed an error budget.
     pub(crate) broken: u64,
     /// Number and results of the last audit.
     pub(crate) last: Option<(u64, Audit)>,
@@ -93,7 +93,7 @@ impl Auditor {
         Ok(Self { report, frames })
     }
 
-    /// Hands a frame over if the auditor is free; returns whether it did.
+    /// Hands a frame over if the auditor is free; returns whether the auditor took it.
     pub(crate) fn offer(&self, frame: impl FnOnce() -> AuditedFrame) -> bool {
         let mut state = self.report.state();
         let is_free = state.free_at.is_some_and(|free_at| free_at <= Instant::now());

@@ -1,5 +1,5 @@
-//! Long jobs besides rendering, run one at a time on a low-priority thread: failure tests, with a separate device, and the preparation
-//! of new asteroid shapes and of shaders, with the device that draws.
+//! Long jobs other than rendering, which run one at a time on a low-priority thread: failure tests, which use a separate device, and the preparation
+//! of new asteroid shapes and of shaders, which uses the device that draws.
 
 use std::{
     any::Any,
@@ -48,8 +48,8 @@ pub(crate) struct BackgroundJobs {
 }
 
 impl BackgroundJobs {
-    /// Starts the thread; the device is opened with the first failure test. Shaders that the renderer has prepared for later images are compiled
-    /// when frames rest.
+    /// Starts the thread, which opens the device for the first failure test. Another thread compiles the shaders that the renderer has prepared for
+    /// later images, while no frames are drawn.
     pub(crate) fn spawn(open: OpenBeside, pipelines: PipelinesAhead) -> io::Result<Self> {
         let (jobs, given) = mpsc::channel();
         let ahead = pipelines.clone();
@@ -64,7 +64,7 @@ impl BackgroundJobs {
             let Some(shaders) = later.take_shaders() else { return };
             later.wait_for_rest();
             if let Err(problem) = compile(|| shaders.compile()) {
-                tracing::error!("shaders for exact images are compiled when they are first needed: {problem}");
+                tracing::error!("cannot compile the shaders for exact images in advance, so they are compiled when they are first needed: {problem}");
             }
         })?;
         Ok(Self { jobs, pipelines })
@@ -90,7 +90,7 @@ impl BackgroundJobs {
         self.give(Job::Bake { sets, settings, reply }, result).await
     }
 
-    /// Compiles the shaders of the pipelines that frames have created for a later scene: at once, if the driver's cache has them.
+    /// Compiles the shaders of the pipelines that frames have created for a later scene. This takes little time if the driver's cache contains them.
     pub(crate) async fn compile(&self) -> Result<Result<(), String>, Refused> {
         let (reply, result) = oneshot::channel();
         self.give(Job::Compile { reply }, result).await
@@ -134,7 +134,7 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
             }
             Job::Bake { sets, settings, reply } => {
                 let done = with(&mut engine, &mut open, |engine| engine.bake(&sets, &settings));
-                // Atlases are the largest data that are made and dropped.
+                // Atlases are the largest data that are created and dropped.
                 process::return_freed_memory();
                 let _ = reply.send(done);
             }

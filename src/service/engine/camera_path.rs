@@ -8,7 +8,7 @@ use std::{
 
 use crate::scene::Camera;
 
-/// Maximum time that a pose may be ahead.
+/// Maximum time by which a pose may be ahead of the present.
 const MOST_AHEAD: Duration = Duration::from_secs(10);
 /// Maximum number of waiting poses: a thousand per second.
 const MOST_POSES: usize = 10_000;
@@ -34,11 +34,11 @@ struct Timed {
     received: SystemTime,
 }
 
-/// Poses in the order of their times. The first may be in the past: the camera moves away from it, or rests at it.
+/// Poses in the order of their times. The first pose may be in the past: the camera moves away from it, or rests there.
 #[derive(Debug, Default)]
 pub(crate) struct CameraPath {
     poses: VecDeque<Timed>,
-    /// Whether the first pose was reached.
+    /// Whether the camera has reached the first pose.
     reached: bool,
     /// Time of the last query.
     shown: Option<SystemTime>,
@@ -50,7 +50,7 @@ impl CameraPath {
         self.poses.back().map(|pose| pose.camera)
     }
 
-    /// Returns when the camera moves next, in the past if it moves now; `None` if it rests.
+    /// Returns the time at which the camera moves next. The time is in the past if the camera is moving now; `None` if it rests.
     pub(crate) fn moves(&self) -> Option<SystemTime> {
         let moves = self.poses.len() > 1 || !self.reached;
         self.poses.front().map(|pose| pose.at).filter(|_| moves)
@@ -81,8 +81,8 @@ impl CameraPath {
         Ok(())
     }
 
-    /// Returns the camera at a time, and when the pose that it moves to was received; `None` if it has not moved. Time
-    /// never goes back: past poses except the last are removed.
+    /// Returns the camera at a time, and the time at which the pose that it moves to was received; `None` if it has not moved. Time never goes back,
+    /// so all past poses except the last are removed.
     pub(crate) fn advance(&mut self, time: SystemTime) -> Option<(Camera, SystemTime)> {
         if self.shown.is_some_and(|shown| time <= shown) {
             return None;

@@ -8,7 +8,7 @@ use std::{
 
 /// Number of past frames that a forecast uses.
 const KEPT: usize = 4;
-/// Allowance for waking up and submitting commands.
+/// Allowance for the time to wake up and to submit commands.
 const MARGIN: Duration = Duration::from_micros(500);
 
 /// Durations of the last frames.
@@ -74,7 +74,7 @@ mod tests {
         for (planned, drawn) in [(1, 900), (3, 40), (5, 30), (4, 50), (200, 35)] {
             forecast.note(ms(planned), ms(drawn));
         }
-        // The first frame left the history, and the last one, which created pipelines, does not count.
+        // The first frame has left the history. The last frame does not count, because it created pipelines.
         let expected = forecast.expected(began).unwrap();
         assert_eq!(expected, Expected { plan_next: began + ms(50 - 3) - MARGIN, end: began + ms(50) });
     }

@@ -28,7 +28,7 @@ impl EngineError {
         Self { source: error.into(), lost: false }
     }
 
-    /// The same for a renderer that is lost, such as after the loss of its device.
+    /// Wraps the same for a renderer that is lost, such as after the loss of its device.
     pub fn lost(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
         Self { source: error.into(), lost: true }
     }
@@ -66,12 +66,12 @@ pub trait Engine: Send + 'static {
     /// the first frame.
     fn beside(&self) -> OpenBeside;
 
-    /// Returns the pipelines that a later scene needs, which frames create. Called once, before the first frame.
+    /// Returns the pipelines that frames create for a later scene. Called once, before the first frame.
     fn pipelines_ahead(&self) -> PipelinesAhead {
         PipelinesAhead::default()
     }
 
-    /// Returns the limits for plans: changes are checked against them. Called once, before the first frame.
+    /// Returns the limits for plans, by which changes are checked. Called once, before the first frame.
     fn limits(&self) -> Limits {
         Limits::default()
     }
@@ -97,10 +97,10 @@ pub trait BesideEngine: Send {
     fn bake(&mut self, sets: &[Arc<ShapeSet>], settings: &AsteroidSettings) -> Result<(), EngineError>;
 }
 
-/// Opens a [`BesideEngine`], also after the loss of the previous one.
+/// Opens a [`BesideEngine`]. It is called again after the loss of that engine.
 pub type OpenBeside = Box<dyn FnMut() -> Box<dyn BesideEngine> + Send>;
 
-/// Has a separate renderer for failure tests, and bakes data for the renderer that draws.
+/// Has a separate renderer for failure tests. Bakes data for the renderer that draws.
 struct BesideRenderer {
     options: GpuOptions,
     /// Opened for the first failure test.

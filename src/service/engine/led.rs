@@ -1,4 +1,4 @@
-//! A led worker: the render thread draws a cue and shows its pictures on separate requests, instead of at its own pace.
+//! A led worker: the render thread draws a cue on one request and shows its pictures on another, instead of working at its own pace.
 //!
 //! A node of a cluster is led. Its render thread has the whole rig and draws its share of the views; requests and streams of clients wait for
 //! the pictures that are shown. The director uses [`RenderHandle::content_at`] to compose cues.
@@ -24,7 +24,7 @@ use crate::{
     },
 };
 
-/// Frame that a led worker draws. Two nodes with the same cue draw the same frame.
+/// Description of a frame that a led worker draws. Two nodes with the same cue draw the same frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cue {
     /// Number of the frame, the same on all nodes.
@@ -58,7 +58,7 @@ pub(crate) struct Pictures {
     pub(crate) start: Instant,
 }
 
-/// Receives the result of drawing a cue.
+/// Callback that receives the result of drawing a cue.
 pub(crate) type CueReply = Box<dyn FnOnce(Result<Pictures, CueError>) + Send>;
 
 /// Reasons why a cue is not drawn.
@@ -100,23 +100,23 @@ pub(crate) struct Led {
     pub(crate) views: Arc<[String]>,
     /// The cue to be drawn next.
     pub(crate) next: Option<CueRequest>,
-    /// Images that its windows show, besides display images.
+    /// Images, other than display images, that its windows show.
     pub(crate) of_windows: Vec<(ViewId, Wanted)>,
-    /// Hands frames to its windows.
+    /// Stage through which its windows get frames.
     pub(crate) stage: Arc<Stage>,
 }
 
-/// Content of a frame at a time, for the director.
+/// Content of a frame at a given time, for the director.
 pub(crate) struct Content {
     pub(crate) scene: SceneState,
     pub(crate) snapshot: SceneSnapshot,
-    /// Settings of views without own settings.
+    /// General settings of frames, for views that set none themselves.
     pub(crate) settings: RenderSettings,
     pub(crate) limits: Limits,
     pub(crate) time_s: f64,
 }
 
-/// Whether an image has everything that is wanted.
+/// Whether an image that has `has` contains everything in `wanted`.
 fn satisfies(has: Wanted, wanted: Wanted) -> bool {
     let mut both = has;
     both |= wanted;
@@ -124,7 +124,7 @@ fn satisfies(has: Wanted, wanted: Wanted) -> bool {
 }
 
 impl Pictures {
-    /// The same frames in black. A node shows them after a long time without a frame.
+    /// Returns the same frames in black. A node shows them after a long time without a frame.
     pub(crate) fn blackened(&self) -> Self {
         let frames = self
             .frames
@@ -133,7 +133,7 @@ impl Pictures {
         Self { frames: frames.collect(), ..*self }
     }
 
-    /// The frame with these images of a view.
+    /// Returns the frame that has the wanted images of a view.
     pub(crate) fn frame_of(&self, view: ViewId, wanted: Wanted) -> Option<&Arc<RenderedFrame>> {
         let has = |frame: &&LedFrame| frame.views.iter().any(|(of, has)| *of == view && satisfies(*has, wanted));
         self.frames.iter().find(has).map(|led| &led.frame)
@@ -141,7 +141,7 @@ impl Pictures {
 }
 
 impl State {
-    /// Images that clients of a led worker wait for, besides display images.
+    /// Returns the images, other than display images, that clients of a led worker wait for.
     pub(super) fn wanted_by_clients(&self) -> Vec<(ViewId, Wanted)> {
         let of_requests = self.queue.requests.iter().map(|request| (request.view, request.wanted));
         let of_streams = self.queue.subscribers.iter().map(|stream| (stream.view, stream.wanted));
@@ -151,24 +151,25 @@ impl State {
 }
 
 impl RenderHandle {
-    /// From now on, frames are drawn only for cues, with these views. `real_time`: whether the presenting thread asks for real-time scheduling.
+    /// Makes the worker led: from now on, it draws frames only for cues, with these views. `real_time` states whether the presenting thread asks for
+    /// real-time scheduling.
     pub(crate) fn be_led(&self, views: Vec<String>, real_time: bool) {
         let stage = Arc::new(Stage::new(real_time));
         self.shared.state().led = Some(Led { views: views.into(), next: None, of_windows: Vec::new(), stage });
         self.shared.wake.notify_one();
     }
 
-    /// The views that a led worker draws; `None`: the worker is not led.
+    /// Returns the views that a led worker draws; `None` if the worker is not led.
     pub(crate) fn led_views(&self) -> Option<Arc<[String]>> {
         self.shared.state().led.as_ref().map(|led| Arc::clone(&led.views))
     }
 
-    /// The stage of a led worker's windows; `None`: the worker is not led.
+    /// Returns the stage of a led worker's windows; `None` if the worker is not led.
     pub(crate) fn stage(&self) -> Option<Arc<Stage>> {
         self.shared.state().led.as_ref().map(|led| Arc::clone(&led.stage))
     }
 
-    /// Images that the windows of a led worker show.
+    /// Sets the images that the windows show, if the worker is led.
     pub(crate) fn show_in_windows(&self, wanted: Vec<(ViewId, Wanted)>) {
         if let Some(led) = &mut self.shared.state().led {
             led.of_windows = wanted;
@@ -227,7 +228,7 @@ impl RenderHandle {
         Ok(())
     }
 
-    /// Content of a frame that is shown at a time of the daemon; `None` at the end.
+    /// Returns the content of a frame that is shown at the daemon's time `time`; `None` while the daemon ends.
     pub(crate) fn content_at(&self, time: SystemTime) -> Option<Content> {
         let (scene, camera, settings, limits) = {
             let mut state = self.shared.state();

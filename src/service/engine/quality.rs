@@ -2,8 +2,9 @@
 //!
 //! [`Quality`] is a state machine without a clock: its inputs are frame times, its output is a level, and equal input gives equal output. A level is
 //! judged by the smoothed times of its frames, without the first ones, which recompute maps. The level falls when these times are too long. It rises
-//! when the level above is expected to be in time for a while; the expectation is based on the ratio of times when that level was left. If the level
-//! above turns out too slow again, the next attempt needs twice as many frames. HDR images keep their quality, and their times do not count.
+//! when the level above is expected, for a while, to be in time. The expectation is based on the ratio of the times of both levels when the level
+//! above was left. If the level above turns out too slow again, the next attempt needs twice as many frames. HDR images keep their quality, and their
+//! times do not count.
 
 use crate::plan::settings::RenderSettings;
 
@@ -13,13 +14,14 @@ const SETTLING: u32 = 10;
 const JUDGED: u32 = 12;
 /// Weight of the newest frame in the smoothed time.
 const NEWEST: f64 = 0.125;
-/// The level above must be expected to stay within this share of the allowed time.
+/// The level rises only if the level above is expected to stay within this share of the allowed time.
 const RETURN_WITHIN: f64 = 0.8;
 /// Number of consecutive frames with time to spare before the level rises: initially, and at most.
 const PATIENCE: [u32; 2] = [60, 960];
 
 /// The levels in order: the minimum error budget of display images, in display codes; 0: as configured. Larger budgets put more stars into the map of
-/// faint stars and draw the veil of single sources only to smaller distances. Turning glare off saves nothing, because the map depends on it.
+/// faint stars, and draw the veil of single sources only up to smaller distances. Glare is not turned off, because that saves nothing: the map
+/// depends on it.
 const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
 
 /// Returns the settings of display images at a level; 0 is the configuration.
@@ -30,7 +32,7 @@ pub(crate) fn settings_at(level: u32, settings: &RenderSettings) -> RenderSettin
     reduced
 }
 
-/// Describes the reductions of a level; empty if it changes nothing.
+/// Describes the reductions of a level; the list is empty if the level changes nothing.
 pub(crate) fn given_up(level: u32, settings: &RenderSettings) -> Vec<String> {
     let (codes, before) = (settings_at(level, settings).accuracy.display_codes, settings.accuracy.display_codes);
     (codes != before).then(|| format!("display_codes {codes} instead of {before}")).into_iter().collect()
@@ -140,7 +142,7 @@ impl Quality {
 mod tests {
     use super::*;
 
-    /// Returns the levels of frames whose time depends on the level only.
+    /// Returns the levels of frames whose time depends only on the level and the frame's number.
     fn levels(quality: &mut Quality, frames: u32, took_ms: impl Fn(u32, u32) -> f64) -> Vec<u32> {
         let level = |frame: u32| {
             let level = quality.level();
@@ -172,7 +174,7 @@ mod tests {
         let mut quality = Quality::new(20.0);
         let found = levels(&mut quality, 1000, |_, frame| if frame % 100 == 50 { 60.0 } else { 15.0 });
         assert_eq!(changes(&found), 0, "{found:?}");
-        // Nor do the frames that recompute maps.
+        // The frames that recompute maps do not change the level either.
         let mut starting = Quality::new(20.0);
         assert_eq!(changes(&levels(&mut starting, 500, |_, frame| if frame < 8 { 300.0 } else { 15.0 })), 0);
     }
@@ -180,8 +182,8 @@ mod tests {
     #[test]
     fn a_steady_load_between_two_levels_does_not_oscillate() {
         let mut quality = Quality::new(20.0);
-        // The level above takes too long, and the one below a quarter of the time, which would invite a return if the
-        // ratio were unknown.
+        // The level above takes too long, and the level below takes a quarter of that time. If the ratio were unknown, the level would therefore rise
+        // again.
         let found = levels(&mut quality, 5000, |level, _| if level == 0 { 21.0 } else { 5.0 });
         assert_eq!((changes(&found), found.last()), (1, Some(&1)));
     }

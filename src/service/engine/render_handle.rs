@@ -55,7 +55,7 @@ pub(crate) struct RenderFigures {
     pub(crate) audits: Option<AuditFigures>,
 }
 
-/// Quality level of display images, and their times.
+/// Quality level of display images, and the frame times that it depends on.
 #[derive(Clone, Debug)]
 pub(crate) struct QualityFigures {
     /// Allowed frame time, ms.
@@ -76,8 +76,8 @@ impl RenderHandle {
         state.camera.newest
     }
 
-    /// Moves the camera if it has the expected revision and no other client holds the lease; returns it with its new
-    /// revision. On an error, it stays unchanged.
+    /// Moves the camera if it has the expected revision and no other client holds the lease; returns the camera with its new revision. On an error,
+    /// the camera stays unchanged.
     pub(crate) fn set_camera(
         &self,
         update: &CameraUpdate,
@@ -135,7 +135,7 @@ impl RenderHandle {
         self.shared.state().check_lease(lease)
     }
 
-    /// Moves the camera relative to its current pose; returns its new revision. On an error, it stays unchanged.
+    /// Moves the camera relative to its current pose; returns the new revision. On an error, the camera stays unchanged.
     pub(crate) fn fly(&self, flight: &Flight) -> Result<u64, CameraError> {
         let mut state = self.shared.state();
         let camera = flight.moved(&state.camera.newest)?;
@@ -164,8 +164,8 @@ impl RenderHandle {
         }
     }
 
-    /// Takes the lease of the camera for a stream; the lease gets the stream's number. `over` takes it from another holder. Waiting poses of other
-    /// streams are removed. Returns a receiver that reports a takeover.
+    /// Takes the lease of the camera for a stream; the lease gets the stream's number. If `over` is true, it is taken from another holder. Waiting
+    /// poses of other streams are removed. Returns a receiver that reports a takeover.
     pub(crate) fn lease_camera(
         &self,
         stream: u64,
@@ -205,7 +205,7 @@ impl RenderHandle {
         self.shared.state().camera.watched.subscribe()
     }
 
-    /// Returns the content of a frame that begins now; `None` at the end.
+    /// Returns the content of a frame that begins now; `None` while the daemon ends.
     pub(crate) fn frame_content(&self) -> Option<Shown> {
         let now = self.shared.time.now();
         let (scene, camera, settings, camera_time) = {
@@ -219,14 +219,14 @@ impl RenderHandle {
         Some(Shown { snapshot: self.shared.snapshot(&scene, camera, now), settings, camera_time })
     }
 
-    /// Returns the revisions of scene and camera; `None` at the end.
+    /// Returns the revisions of scene and camera; `None` while the daemon ends.
     pub(crate) fn revisions(&self) -> Option<Revisions> {
         let state = self.shared.state();
         let scene = state.scene.published.borrow().as_ref().map(|scene| scene.revision);
         scene.filter(|_| !state.draining).map(|scene| state.shows(scene, self.shared.time.now()))
     }
 
-    /// Returns the streams of frames, of all sources.
+    /// Returns the streams of frames from all sources.
     pub(crate) fn streams(&self) -> &Streams {
         &self.shared.streams
     }
@@ -241,13 +241,13 @@ impl RenderHandle {
         self.shared.state().scene.published.subscribe()
     }
 
-    /// Returns the settings of frames whose views have no own settings.
+    /// Returns the general settings of frames, for views that set none themselves.
     pub(crate) fn general(&self, scene: &SceneState) -> RenderSettings {
         self.shared.state().settings_of(scene)
     }
 
-    /// Replaces the scene if it still has the revision that the change was made for; the new one has the next revision.
-    /// Requests for frames of deleted views end with an error. The outer error: no more changes are accepted.
+    /// Replaces the scene if it still has the revision that the change was made for; the new one has the next revision. Requests for frames of
+    /// deleted views end with an error. The outer error means that no more changes are accepted.
     pub(crate) fn replace_scene(
         &self,
         scene: SceneState,
@@ -268,7 +268,7 @@ impl RenderHandle {
             let turned = |camera: &Camera| camera.on_horizon_of(before.as_ref(), after.as_ref());
             let camera = turned(&state.camera.newest);
             if camera != state.camera.newest {
-                // Poses that are waiting turn with it.
+                // Turn the waiting poses as well.
                 state.camera.path.change(turned);
                 state.place_camera(camera);
             }
@@ -338,8 +338,8 @@ impl RenderHandle {
         Ok(receiver)
     }
 
-    /// Requests the next frame of each of these views together, so that views share a frame if possible. The frames are
-    /// due as for a stream if the newest frames of all views are those `seen`, and at once otherwise.
+    /// Requests the next frame of each of these views together, so that views share a frame if possible. If the newest frames of all views are those
+    /// `seen`, the frames are due as for a stream, otherwise at once.
     pub(crate) fn next_of_views(
         &self,
         views: &[(ViewId, Wanted)],
@@ -364,7 +364,7 @@ impl RenderHandle {
             if state.has_view(*view) {
                 state.queue.requests.push_back(Request { view: *view, wanted: *wanted, pace, of_windows: true, reply });
             } else {
-                // The caller holds the receiver, but may have dropped it.
+                // The caller may have dropped the receiver.
                 let _ = reply.send(Err(RenderFailure::Deleted(String::new())));
             }
         }

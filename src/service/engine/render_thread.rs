@@ -193,7 +193,7 @@ struct InFlight {
     submitted: Instant,
     /// Whether the adaptation continues from this frame's exposure.
     starts_adaptation: bool,
-    /// Whether its exposure was passed to the renderer, by the adaptation or by a cue.
+    /// Whether the adaptation or a cue set its exposure.
     adapted: bool,
     span: Span,
 }
@@ -211,7 +211,7 @@ enum Work {
 /// Interval at which a moving camera is published while no frames are requested.
 const UNSEEN_INTERVAL: Duration = Duration::from_millis(100);
 
-/// The work at a moment.
+/// The work that there is at a given moment.
 struct Tasks {
     scene: SceneState,
     newest: Revisions,
@@ -234,7 +234,7 @@ struct Worker {
     eyes: HashMap<EyeOf, AdaptingEye>,
     /// Group of the last frame.
     last_kind: Kind,
-    /// For each group, the place for which the map of faint light would be computed at the last frame.
+    /// For each group, the place for which the last frame would have computed the map of faint light.
     map_place_pc: HashMap<usize, DVec3>,
     /// Frames in flight, oldest first.
     in_flight: VecDeque<InFlight>,
@@ -269,7 +269,7 @@ impl Worker {
         self.scene.objects = Arc::clone(&job.objects);
         self.scene.stars = self.shared.stars.at(job.objects.observer.as_ref(), job.time_s);
         job.stars = Arc::clone(&self.scene.stars);
-        // While the camera travels, a map would be outdated when it is finished.
+        // While the camera changes its place, a map would be outdated as soon as it is finished.
         let place_pc = map_place_pc(self.scene.camera.position_m / PARSEC_M);
         let rests = self.map_place_pc.insert(job.group, place_pc).is_none_or(|last| last == place_pc);
         let rests = job.cued.map_or(rests, |cued| cued.rests);
@@ -458,8 +458,8 @@ impl Worker {
         }
     }
 
-    /// Returns the next work while a frame is drawn: another frame if it is due before this one is expected to end. A
-    /// frame that ends sooner is delivered without delay, and a frame that is due later uses the camera of that time.
+    /// Returns the next work while a frame is drawn: another frame if it is due before this one is expected to end. A frame that ends sooner is thus
+    /// delivered without delay, and a frame that is due later uses the camera of that later time.
     fn work_during_a_frame(&mut self, Expected { plan_next, end }: Expected) -> Work {
         let mut wait = plan_next.saturating_duration_since(Instant::now());
         let shared = Arc::clone(&self.shared);
@@ -484,7 +484,7 @@ impl Worker {
     fn tasks(&mut self, state: &mut State, now: Instant) -> Tasks {
         state.queue.requests.retain(|request| !request.reply.is_closed());
         state.queue.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
-        // At the end, requests are drawn with the last scene.
+        // While the daemon ends, requests are drawn with the last scene.
         let scene = state.scene.newest.clone();
         // Expected completion time of a frame that begins now.
         let seen = state.time.now() + self.forecast.frame();
@@ -547,7 +547,7 @@ impl Worker {
         let mut want = |view: ViewId, what: Wanted| wanted[groups.of_view[&view].1] |= what;
         let (requests, others): (Vec<Request>, Vec<Request>) =
             waiting.into_iter().partition(|request| groups.kind_of(request.view, request.wanted) == kind);
-        // Put them before those that are due later, in their order.
+        // Put them back at the front of the queue, in their order.
         others.into_iter().rev().for_each(|request| state.queue.requests.push_front(request));
         for request in &requests {
             want(request.view, request.wanted);

@@ -128,15 +128,15 @@ pub(crate) struct CameraControl {
     pub(crate) lease: Option<Lease>,
     /// Number of the last stream of poses; leases have the numbers of their streams.
     pub(crate) streams: u64,
-    /// The stream whose poses wait.
+    /// Number of the stream whose poses are waiting.
     pub(crate) path_of: u64,
-    /// The camera for watching clients; `None` after the last change.
+    /// The camera as watching clients get it; `None` after the last change.
     pub(crate) watched: watch::Sender<Option<Camera>>,
 }
 
 /// The scene that frames show.
 pub(crate) struct SceneControl {
-    /// The scene for watching clients; `None` after the last change.
+    /// The scene as watching clients get it; `None` after the last change.
     pub(crate) published: watch::Sender<Option<SceneState>>,
     /// The newest scene. It stays available after the last change.
     pub(crate) newest: SceneState,
@@ -154,7 +154,7 @@ pub(crate) struct FrameQueue {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RenderStatistics {
     pub(crate) frames_rendered: u64,
-    /// Times of the passes of the last frame; `None` before the first.
+    /// Times of the passes of the last frame; `None` before the first frame.
     pub(crate) last_times: Option<FrameTimes>,
     /// Age of the last frame's pose when the frame was finished.
     pub(crate) last_age: Option<Duration>,
@@ -174,7 +174,7 @@ pub(crate) struct State {
     pub(crate) settings: RenderSettings,
     /// Chooses the quality level of display images; `None`: their time is not limited.
     pub(crate) quality: Option<Quality>,
-    /// Cues in place of the worker's own pace; `None`: the worker is not led.
+    /// State of a led worker, which draws cues instead of working at its own pace; `None`: the worker is not led.
     pub(crate) led: Option<Led>,
     /// The daemon's time.
     pub(crate) time: TimeSource,
@@ -192,7 +192,7 @@ impl State {
         RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..self.settings.clone() }
     }
 
-    /// Returns the revisions of a frame of a scene revision at a time.
+    /// Returns the revisions of a frame that shows revision `scene` of the scene at a time.
     pub(crate) fn shows(&self, scene: u64, now: SystemTime) -> Revisions {
         Revisions { scene, camera: self.camera.newest.revision, step: self.scene.newest.clock.step(now) }
     }
@@ -208,7 +208,7 @@ impl State {
     /// Checks that a caller may move the camera to a pose that the scene can be drawn from.
     pub(super) fn check_camera(&self, camera: &Camera, lease: Option<u64>) -> Result<(), CameraError> {
         self.check_lease(lease)?;
-        // Only a moving camera can contradict other settings.
+        // Of all changes of the camera, only the start of a movement can contradict other settings.
         let moves = camera.velocity_c != DVec3::ZERO;
         if moves && self.camera.newest.velocity_c == DVec3::ZERO {
             let scene = self.scene.published.borrow().clone().ok_or(CameraError::Ending)?;
@@ -301,11 +301,11 @@ impl State {
     }
 }
 
-/// Data shared by the thread and its handles.
+/// Data that the thread and its handles share.
 pub(crate) struct Shared {
     pub(crate) state: Mutex<State>,
     pub(crate) wake: Condvar,
-    /// All stars of the scene.
+    /// The stars of the scene.
     pub(crate) stars: Arc<SeenStars>,
     pub(crate) capacity: Capacity,
     pub(crate) streams: Streams,
@@ -313,7 +313,7 @@ pub(crate) struct Shared {
     pub(crate) time: TimeSource,
     /// Results of audits.
     pub(crate) audits: AuditReport,
-    /// The last placed objects, with the objects that they were placed from.
+    /// The objects that were placed last, before and after the placing.
     pub(crate) placed: Mutex<Option<(Arc<SceneObjects>, Arc<SceneObjects>)>>,
 }
 

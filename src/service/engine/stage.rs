@@ -11,7 +11,7 @@ use std::{
 
 use super::led::Pictures;
 
-/// Called when a frame is prepared; `false`: the device of the windows was lost with it.
+/// Callback when a frame is prepared; `false` if the device of the windows was lost in the process.
 pub(crate) type Prepared = Box<dyn FnOnce(bool) + Send>;
 
 /// Work of the presenting thread. Numbers are those of [`Stage::prepare`].
@@ -63,7 +63,7 @@ impl Stage {
         }
     }
 
-    /// Prepares pictures under a number that is not in use. The reply comes from the presenting thread. Returns `false` without windows: there is
+    /// Has pictures prepared under a number that is not in use. The reply comes from the presenting thread. Returns `false` without windows: there is
     /// nothing to prepare, and no reply.
     pub(crate) fn prepare(&self, number: u64, pictures: &Pictures, reply: Prepared) -> bool {
         let mut state = self.state();
@@ -77,7 +77,7 @@ impl Stage {
         true
     }
 
-    /// Presents a prepared frame.
+    /// Has a prepared frame presented.
     pub(crate) fn present(&self, number: u64) {
         self.push(StageWork::Present(number));
     }
@@ -100,7 +100,7 @@ impl Stage {
         waited.unwrap_or_else(PoisonError::into_inner).0.work.pop_front()
     }
 
-    /// Called by the windows: a frame is prepared, or the device was lost with it.
+    /// Called by the windows when a frame is prepared, or when the device was lost in the process.
     pub(crate) fn prepared(&self, number: u64, is_ready: bool) {
         let reply = self.state().waiting.remove(&number);
         if let Some(reply) = reply {
@@ -108,7 +108,7 @@ impl Stage {
         }
     }
 
-    /// Called by the windows when they have ended. Callers that wait for them continue without them.
+    /// Called by the windows when they have ended. Callers that are waiting for the windows continue without them.
     pub(crate) fn end_windows(&self) {
         let mut state = self.state();
         state.has_windows = false;
@@ -165,7 +165,7 @@ mod tests {
         assert_eq!(second.try_recv(), Ok(false));
         stage.present(1);
         assert!(third.try_recv().is_err());
-        // The windows end: callers that wait continue, and no work is left for the next windows.
+        // The windows end. Callers that wait continue, and no work is left over for the next windows.
         stage.end_windows();
         assert_eq!(third.try_recv(), Ok(true));
         assert!(stage.next(Duration::ZERO).is_none());

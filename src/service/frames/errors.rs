@@ -41,9 +41,9 @@ pub(crate) fn refused(refused: Refused) -> Status {
     match refused {
         Refused::Full => refusals::exhausted("frames", "too many RenderFrame calls are waiting: try again later"),
         Refused::Subscribers(most) => {
-            refusals::exhausted("streams", format!("there are {most} streams, the maximum: end one first"))
+            refusals::exhausted("streams", format!("there are already {most} streams, the maximum: end one first"))
         }
-        Refused::Deleted => Status::not_found("the view was deleted meanwhile"),
+        Refused::Deleted => Status::not_found("the view was deleted in the meantime"),
         Refused::Headset(reason) => failed(&RenderFailure::Headset(reason)),
         Refused::Ending => Status::unavailable("the daemon is shutting down"),
     }

@@ -28,7 +28,7 @@ pub(crate) struct Source {
     /// The last video picture that was sent.
     pub(crate) seen: Option<LastPicture>,
     pub(crate) budget: StreamBudget,
-    /// Place among the streams of the client.
+    /// Place that the stream takes among the streams of the client.
     pub(crate) _place: OwnedSemaphorePermit,
 }
 

@@ -50,7 +50,7 @@ impl ImageFormat {
         self.encoding == Encoding::Exr
     }
 
-    /// Returns the maximum bytes of an image with this many pixels.
+    /// Returns the maximum size of an image with this many pixels, bytes.
     pub(crate) fn most_bytes(self, pixels: u64) -> u64 {
         // Compressed data may be slightly larger than the input.
         match self.encoding {
@@ -79,13 +79,13 @@ impl ImageFormat {
     }
 }
 
-/// The images, or the problem that no further attempt would solve.
+/// The images, or a problem that would recur at every further attempt.
 type Images = Result<Vec<proto::Image>, NotEncoded>;
 
 /// Reasons why an image is not encoded.
 #[derive(Clone, Debug)]
 enum NotEncoded {
-    /// The encoding has no images of this size: the client can request another one.
+    /// The encoding does not support images of this size, so the client can request another encoding.
     Size(String),
     /// The encoder failed.
     Failed(String),
@@ -130,7 +130,7 @@ impl EncodedImages {
     }
 }
 
-/// Places for concurrent encodings, and their statistics.
+/// Places for concurrent encodings, and statistics of the encodings.
 #[derive(Debug)]
 pub(crate) struct Encoders {
     quick: Semaphore,
@@ -143,7 +143,7 @@ pub(crate) struct Encoders {
 }
 
 impl Encoders {
-    /// One place per core for fast encodings, and half as many for slow ones.
+    /// Creates one place per core for fast encodings, and half as many for slow ones.
     pub(crate) fn new() -> Self {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         let (quick, slow) = (Semaphore::new(cores), Semaphore::new((cores / 2).max(1)));
@@ -156,7 +156,7 @@ impl Encoders {
         self.count.load(Relaxed)
     }
 
-    /// Returns the bytes of these images.
+    /// Returns the total size of these images, bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes.load(Relaxed)
     }
@@ -167,7 +167,7 @@ impl Encoders {
         self.busy_ns.fetch_add(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX), Relaxed);
     }
 
-    /// Returns their total duration.
+    /// Returns the total duration of their encoding.
     pub(crate) fn busy(&self) -> Duration {
         Duration::from_nanos(self.busy_ns.load(Relaxed))
     }
@@ -181,7 +181,7 @@ pub(crate) struct ImageRequest {
     /// Pixels of the images at the time of the request; a change of the geometry may change them.
     pub(crate) pixels: u64,
     pub(crate) form: ImageFormat,
-    /// `None`: a single frame.
+    /// `None`: a single frame is requested.
     pub(crate) rate: Option<Rate>,
     pub(crate) encoders: Arc<Encoders>,
     pub(crate) client: ClientInfo,
@@ -192,7 +192,7 @@ pub(crate) struct ImageRequest {
 pub(crate) struct ReaderState {
     /// Frames that the reader has missed.
     pub(crate) dropped: u64,
-    /// Number of the stream.
+    /// Number of the stream; 0: none.
     pub(crate) stream: u64,
     /// The last video picture that the reader has received.
     pub(crate) seen: Option<LastPicture>,
@@ -203,7 +203,7 @@ impl ImageRequest {
         self.form.encoding.wanted()
     }
 
-    /// Returns the maximum bytes of a message.
+    /// Returns the maximum size of a message, bytes.
     pub(crate) fn most_bytes(&self) -> u64 {
         self.form.most_bytes(self.pixels)
     }

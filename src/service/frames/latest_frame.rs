@@ -58,15 +58,15 @@ impl LatestFrame {
         self.changed.notify_one();
     }
 
-    /// Waits until no frame will follow. Only for the slot's reader.
+    /// Waits until no frame will follow. Must be called only by the slot's reader.
     pub(crate) async fn ended(&self) {
         while self.state().end.is_none() {
             self.changed.notified().await;
         }
     }
 
-    /// Waits for the newest frame; returns it with the number of frames dropped so far. `None`: no frame will follow.
-    /// Only for one reader.
+    /// Waits for the newest frame; returns it with the number of frames dropped so far. `None`: no frame will follow. Must be called by one reader
+    /// only.
     pub(crate) async fn next(&self) -> Result<Option<(Arc<RenderedFrame>, u64)>, RenderFailure> {
         loop {
             {
@@ -78,7 +78,7 @@ impl LatestFrame {
                     return end.clone().map(|()| None);
                 }
             }
-            // A notification since the lock was released is stored, so none is lost.
+            // A notification after the release of the lock is stored, so none is lost.
             self.changed.notified().await;
         }
     }

@@ -39,7 +39,7 @@ impl RenderedFrame {
         self.frame.images.iter().filter(move |image| Some(image.view) == number)
     }
 
-    /// The same frame with black images.
+    /// Returns the same frame with black images.
     pub(crate) fn blackened(&self) -> Self {
         let mut frame = Frame::clone(&self.frame);
         for image in &mut frame.images {

@@ -51,13 +51,13 @@ impl Pace {
         self.last = None;
     }
 
-    /// Whether the minimum time since the last frame has passed. For frames that come at an independent rate, the time may be short by an eighth.
+    /// Whether the minimum time since the last frame has passed. For frames that come at an independent rate, seven eighths of that time are
+    /// sufficient.
     pub(crate) fn interval_is_over(&self, now: Instant) -> bool {
         self.last.is_none_or(|(_, start)| now + self.interval / 8 >= start + self.interval)
     }
 
-    /// Returns when the next frame is due, if a frame would now show `newest`; due frames have a time of `now` or
-    /// earlier.
+    /// Returns the time at which the next frame is due if a frame would now show `newest`. A frame is due already if that time is not after `now`.
     pub(crate) fn due_at(&self, newest: Revisions, exposure_converged: bool, now: Instant) -> Instant {
         let Some((shown, start)) = self.last else { return now };
         let wait = if shown != newest {

@@ -9,7 +9,7 @@ use super::{image_encoding::ImageRequest, rendered_frame::RenderedFrame};
 use crate::service::network::clients::Held;
 
 impl ImageRequest {
-    /// Reserves the bytes that a frame needs beyond the reservation for the view's earlier size.
+    /// Reserves the bytes that a frame needs in excess of the reservation for the view's earlier size.
     pub(crate) fn reserve_more(&self, rendered: &RenderedFrame) -> Result<Held, Status> {
         self.reserve_for_pixels(pixels_of(self, rendered))
     }
@@ -23,9 +23,9 @@ fn pixels_of(image_request: &ImageRequest, rendered: &RenderedFrame) -> u64 {
     rendered.images_of(image_request.view).map(|image| u64::from(image.width) * u64::from(image.height)).sum()
 }
 
-/// Reservation of a stream beyond its initial one.
+/// Reservation of a stream in excess of its initial one.
 pub(crate) struct StreamBudget {
-    /// Pixels of the frames that it covers.
+    /// Number of pixels of a frame for which bytes are reserved.
     pixels: u64,
     more: Option<Held>,
 }

@@ -92,10 +92,10 @@ impl Streams {
     }
 }
 
-/// Maximum number of sent frames without acknowledgement.
+/// Maximum number of sent frames that are not acknowledged yet.
 const MOST_ON_THEIR_WAY: usize = 2;
 
-/// Frames of a stream that were sent and not acknowledged.
+/// Frames of a stream that were sent and have not been acknowledged.
 #[derive(Debug)]
 pub(crate) struct Acknowledged {
     streams: Streams,
@@ -106,7 +106,7 @@ pub(crate) struct Acknowledged {
 }
 
 impl Acknowledged {
-    /// Returns the number with which the client acknowledges.
+    /// Returns the stream's number, with which the client acknowledges frames.
     pub(crate) fn number(&self) -> u64 {
         self.number
     }

@@ -26,11 +26,11 @@ use crate::{
 
 /// Maximum number of sequences of one audience; further readers get key pictures only.
 const MOST_SEQUENCES: usize = 8;
-/// Approximate memory limit of all encoders, bytes.
+/// Approximate limit of the memory of all encoders, bytes.
 const MOST_BYTES: u64 = 512 << 20;
 /// A sequence without readers for this time ends.
 const IDLE: Duration = Duration::from_secs(10);
-/// A new reader joins a sequence that was read within this time.
+/// A new reader joins a sequence only if it was read within this time.
 const LIVELY: Duration = Duration::from_secs(1);
 /// Interval of the key pictures at which readers of two sequences join.
 const MERGES: Duration = Duration::from_secs(2);
@@ -78,7 +78,7 @@ pub(crate) struct Videos {
 /// Sequences of one audience; the lock serialises their encoding.
 pub(crate) type SharedSequences = Arc<tokio::sync::Mutex<Sequences>>;
 
-/// Last sequence number, and the memory of all encoders.
+/// Number of the last sequence, and memory of all encoders.
 #[derive(Debug)]
 struct Budget {
     sequences: AtomicU64,
@@ -123,7 +123,7 @@ struct Sequence {
     /// One encoder for each image of the view.
     encoders: Vec<VideoEncoder>,
     sizes: Vec<[u32; 2]>,
-    /// Frame of the last picture, and the frame that it depends on; `None`: it is a key picture.
+    /// Frame of the last picture. The next field is the frame that this picture depends on; `None`: it is a key picture.
     last: u64,
     from: Option<u64>,
     images: Vec<proto::Image>,
@@ -176,7 +176,7 @@ impl Sequences {
         self.all.iter_mut().find_map(|sequence| sequence.coded(frame, seen))
     }
 
-    /// Encodes the picture of a frame for a reader that has received `seen`. `images` are all images of the view.
+    /// Encodes the picture of a frame for a reader that has received `seen`. `images` contains all images of the view.
     pub(crate) fn code(
         &mut self,
         frame: u64,
@@ -226,8 +226,8 @@ impl Sequences {
             let lively = open().filter(|(_, sequence)| sequence.used.elapsed() < LIVELY);
             index(lively.max_by_key(|(_, sequence)| sequence.used))
         };
-        // Pull readers usually have their own frames: a key picture in another reader's sequence would take that
-        // sequence away.
+        // Readers that request single frames usually get frames of their own, so a key picture in another reader's sequence would take that sequence
+        // away from it.
         let joined = || matches!(self.rate, Rate::Streamed(_)).then(lively).flatten();
         inviting.or(own).or_else(joined)
     }
@@ -262,8 +262,8 @@ impl Sequences {
         Ok(self.all.len() - 1)
     }
 
-    /// If another sequence has a picture of the same frame, their readers can share one: makes its next picture a key
-    /// picture.
+    /// If another sequence has a picture of the same frame, the readers of both can share one sequence, so this makes the other one's next picture a
+    /// key picture.
     fn bring_together(&mut self, at: usize, frame: u64) {
         let too_soon = self.merged.is_some_and(|merged| merged.elapsed() < MERGES);
         let other = |(other, sequence): &(usize, &mut Sequence)| *other != at && sequence.last == frame;
@@ -360,7 +360,7 @@ mod tests {
             };
         }
         assert_eq!((odd.keys, even.keys), (1, 1));
-        // More readers than sequences: still decodable.
+        // There are more readers than sequences, but each can still decode its pictures.
         let mut many: Vec<Reader> = (0..2 * MOST_SEQUENCES).map(|_| Reader::default()).collect();
         let count = many.len() as u64;
         for frame in 41..41 + 4 * count {

@@ -1,4 +1,4 @@
-//! Methods of the camera: reading, watching, moving, and its lease.
+//! Calls that read, watch and move the camera, and that take its lease.
 
 use std::{
     sync::Arc,
@@ -40,7 +40,7 @@ pub(crate) fn unmoved(error: &CameraError) -> Status {
 struct Steering {
     render: RenderHandle,
     stream: u64,
-    /// Its lease, if it has one.
+    /// Lease of the stream, if it has one.
     lease: Option<u64>,
 }
 
@@ -87,7 +87,7 @@ async fn taken_over(taken: &mut Option<oneshot::Receiver<String>>) -> String {
     }
 }
 
-/// Interval at which a camera that could not be saved is saved again.
+/// Delay before another attempt to save a camera that could not be saved.
 const RETRIES: Duration = Duration::from_secs(5);
 /// Interval at which a moving camera is saved.
 const SAVES: Duration = Duration::from_secs(1);
@@ -126,7 +126,10 @@ impl Service {
                     }
                     Err(error) if !fails => {
                         fails = true;
-                        tracing::error!("cannot save the camera: {error}; tries again every {} s", RETRIES.as_secs());
+                        tracing::error!(
+                            "cannot save the camera: {error}; the daemon tries again every {} s",
+                            RETRIES.as_secs()
+                        );
                     }
                     // It was reported.
                     Err(_) => {}
@@ -144,7 +147,7 @@ impl Service {
         proto::Camera { holder: self.render.holder(), look, ..camera::camera_to_pb(camera) }
     }
 
-    /// Returns the requested change for the current scene.
+    /// Returns the change that a request means for the current scene.
     fn camera_update(&self, mut request: proto::SetCameraRequest) -> Result<CameraUpdate, Status> {
         if request.turn.is_some() && (request.orientation.is_some() || request.look.is_some()) {
             return Err(refusals::invalid("turn: must not be combined with orientation or look"));
@@ -186,7 +189,7 @@ impl Service {
                 "expected_revision: must be missing for a pose with a time, because the camera moves until then",
             ));
         }
-        // The conversion would carry values outside of this range over into the seconds.
+        // The conversion would add nanoseconds outside of this range to the seconds.
         if !(0..1_000_000_000).contains(&time.nanos) {
             let problem = format!("time.nanos = {}: must be between 0 and 999999999", time.nanos);
             return Err(refusals::invalid(problem));

@@ -49,7 +49,8 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         let method = non_empty(request.star_method).map(|name| scene::star_method(&name)).transpose();
         let method = method.map_err(|problem| refusals::invalid(format!("star_method: {problem}")))?;
         let permit = Arc::clone(&self.verifying).try_acquire_owned();
-        let permit = permit.map_err(|_| refusals::exhausted("checks", "another Verify call runs: try again later"))?;
+        let permit =
+            permit.map_err(|_| refusals::exhausted("checks", "another Verify call is running: try again later"))?;
         let (render, background_jobs) = (self.render.clone(), self.background_jobs.clone());
         let mut scenes = render.watch_scene();
         let (sender, stream) = mpsc::channel(1);
@@ -57,7 +58,7 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         task::spawn(async move {
             let _permit = permit;
             for check in checks {
-                // Reserve room first: no check runs for a client that does not read or has disconnected.
+                // Reserve room for the result first, so that no check runs for a client that does not read or has disconnected.
                 let Ok(room) = sender.reserve().await else { return };
                 let checked = async {
                     let result = background_jobs.verify(check, render.settings_of_checks(method)?).await?;

@@ -1,5 +1,5 @@
-//! `Find`: the direction of a body, star or constellation by name; and the orientation of a camera that looks in a
-//! direction or at a named object.
+//! `Find` returns the direction of a body, star or constellation by name. Also here is the orientation of a camera that looks in a direction or at a
+//! named object.
 
 use glam::{DQuat, DVec3};
 use tonic::Status;
@@ -114,7 +114,7 @@ fn checked_name(name: &str, key: &str) -> Result<(), String> {
     }
 }
 
-/// Returns the orientation of a camera that looks there, from camera axes to ICRS axes, and its new reference frame.
+/// Returns the orientation of a camera that looks as requested, from camera axes to ICRS axes, and its new reference frame.
 pub(crate) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat, Frame), String> {
     let prefixed = |problem: String| format!("look.{problem}");
     let frame = sky_frame_from_pb(look.frame).map_err(prefixed)?.unwrap_or(scene.camera.frame);
@@ -227,7 +227,7 @@ mod tests {
         assert!(found(&scene, "zzz").unwrap_err().ends_with("`zzz`"));
     }
 
-    /// A star of a file is found where it is drawn. The built-in star of the same name may be elsewhere.
+    /// A star of a file must be found where it is drawn, even if the built-in star of the same name is elsewhere.
     #[test]
     fn stars_of_files_come_before_built_in_ones() {
         let mut star = scene().stars.named().iter().find(|named| named.name == "Sirius").unwrap().star;
@@ -305,7 +305,7 @@ mod tests {
         let look = proto::Look { at: "mars".to_owned(), ..Default::default() };
         let (turned, _) = turned(&look, &scene).unwrap();
         assert!((turned * DVec3::NEG_Z).angle_between(found_at(&scene)) < 1e-7);
-        // Identify finds the star at its refracted place only.
+        // Identify finds the body at its refracted place only.
         let names_at = |direction: DVec3| identify::body_names(&scene, direction, 1e-4);
         assert_eq!((names_at(found_at(&scene)), names_at(up)), (vec!["mars".to_owned()], Vec::new()));
         // Within the atmosphere, the body appears at its geometric direction.

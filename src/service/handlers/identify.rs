@@ -1,4 +1,4 @@
-//! `Identify`: the objects in a direction.
+//! `Identify` returns the objects in a direction.
 
 use std::sync::Arc;
 
@@ -50,7 +50,7 @@ impl Question {
         let Some(direction) = request.direction.map(|direction| DVec3::from_array(vector_from_pb(direction))) else {
             return wrong("direction: missing".to_owned());
         };
-        // Directions also remain correct for vectors whose square overflows or underflows f64.
+        // Directions are correct even for vectors whose square overflows or underflows f64.
         let largest = direction.abs().max_element();
         let Some(direction) = (direction / largest).try_normalize().filter(|_| direction.is_finite()) else {
             return wrong(format!("direction = {direction}: must be a finite vector that is not 0"));
@@ -77,15 +77,15 @@ fn distance_m(camera: &Camera, body: &Body, time_s: f64, direction: DVec3) -> Op
     let step = body_from_world * direction / body.radii_m;
     let [a, half_b, c] = [step.length_squared(), step.dot(from), from.length_squared() - 1.0];
     let root = (half_b * half_b - a * c).sqrt();
-    // The comparison excludes NaN; a camera inside sees the far side.
+    // This comparison excludes NaN. A camera inside of the body sees the far side.
     [(-half_b - root) / a, (-half_b + root) / a].into_iter().find(|distance| *distance > 0.0)
 }
 
-/// The bodies in a direction.
+/// Bodies in a direction or near it.
 enum Bodies {
     /// Bodies that cover the direction, nearest first. They hide everything behind them.
     Cover(Vec<proto::IdentifiedObject>),
-    /// Bodies within the search radius, nearest to the direction first, and moons after their planet.
+    /// Bodies within the search radius, nearest to the direction first; moons follow their planet.
     Nearby(Vec<proto::IdentifiedObject>),
 }
 
@@ -140,7 +140,7 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
 
 /// A body near the requested direction.
 struct NearbyBody {
-    /// The body of the Solar System whose place it has.
+    /// The body of the Solar System whose position it has.
     solar_body: Option<SolarBody>,
     direction: DVec3,
     /// Angle between the direction and its limb, rad.
@@ -167,14 +167,14 @@ fn in_order(nearby: Vec<NearbyBody>, radius_rad: f64) -> Vec<proto::IdentifiedOb
 fn named<'a>(star: &SeenStar, stars: &'a StarSet) -> Option<&'a NamedStar> {
     let is_known = star.distance_pc.is_some();
     let named = stars.named().iter().filter(|named| named.star.distance_known == is_known);
-    // For several stars at one place, choose the one of equal brightness.
+    // If several stars are at one place, choose the one that is most similar in brightness.
     let off = |named: &NamedStar| named.star.position.distance(star.position) / named.star.position.length();
     let at_1_pc = magnitude_from_illuminance_lx(star.illuminance_lx * star.distance_pc.map_or(1.0, |pc| pc * pc));
     let unlike = |named: &NamedStar| {
         let magnitude = f64::from(named.star.magnitude) - if named.star.distance_known { 5.0 } else { 0.0 };
         (magnitude - at_1_pc).abs()
     };
-    // Places are rounded to a tenth of this.
+    // Distances are rounded to a tenth of [`SAME_PLACE`], so that similar ones are equal.
     let key = |named: &NamedStar| ((10.0 * off(named) / SAME_PLACE).round(), unlike(named));
     let there = named.filter(|named| off(named) < SAME_PLACE).map(|named| (key(named), named));
     there.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, named)| named)

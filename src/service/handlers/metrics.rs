@@ -47,7 +47,7 @@ impl Metrics {
         if let Some(validity) = self.access.borrow().certificate_validity {
             all.register_with_unit(
                 "certificate_expiry",
-                "Time until the certificate of the daemon expires; negative: it has expired",
+                "Time until the certificate of the daemon expires; negative if it has expired",
                 Unit::Seconds,
                 ConstGauge::new(validity.left_s(self.service.render.time().machine_now())),
             );
@@ -59,7 +59,7 @@ impl Metrics {
         }
     }
 
-    /// Whether the daemon can draw frames. Any client may ask, so it reveals nothing else.
+    /// Answers whether the daemon can draw frames. Any client may ask, so the answer reveals nothing else.
     fn health(&self) -> Response<Body> {
         let is_ending = self.service.render.scene().is_err();
         match self.service.render.figures().frames.failures.problem {
@@ -94,7 +94,7 @@ fn registry(service: &Service) -> Registry {
         ("frames_failed", "Frames that could not be drawn", figures.frames.failures.count),
         ("renderer_losses", "Number of times that the renderer was lost and reopened", figures.frames.losses),
         ("frames_dropped", "Frames that slow readers missed", streams.dropped()),
-        ("encodings", "Times that the images of a view of a frame were encoded", service.encoders.count()),
+        ("encodings", "Number of times that the images of a view in a frame were encoded", service.encoders.count()),
         ("encoded_bytes", "Bytes of encoded images", service.encoders.bytes()),
         ("requests_refused", "Requests that were refused because of a limit", service.shares.refused()),
     ];
@@ -106,7 +106,7 @@ fn registry(service: &Service) -> Registry {
     all.register("connections", "Connections now", ConstGauge::new(service.shares.connections()));
     all.register("streams", "Streams of frames now", ConstGauge::new(streams.count() as u64));
     let queue = ConstGauge::new(service.render.requests_waiting() as u64);
-    all.register("requests_waiting", "Calls that wait for a frame", queue);
+    all.register("requests_waiting", "Calls that are waiting for a frame", queue);
     if let Ok(scene) = service.render.scene() {
         all.register("scene_revision", "Revision of the scene", ConstGauge::new(scene.revision));
     }
@@ -122,14 +122,14 @@ fn registry(service: &Service) -> Registry {
         of.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(ms * 1e-3));
     };
     if let Some(times) = &figures.frames.last_times {
-        seconds(&mut all, "frame_plan", "Planning of the last frame", times.plan_ms);
-        seconds(&mut all, "frame", "All of the last frame", times.total_ms);
+        seconds(&mut all, "frame_plan", "Duration of the planning of the last frame", times.plan_ms);
+        seconds(&mut all, "frame", "Duration of the whole last frame", times.total_ms);
         let passes = Family::<Vec<(&str, String)>, Gauge<f64, AtomicU64>>::default();
         for (pass, ms) in &times.passes_ms {
             // A pass may occur more than once in a frame.
             passes.get_or_create(&vec![("pass", pass.to_string())]).inc_by(ms * 1e-3);
         }
-        all.register_with_unit("frame_pass", "Passes of the last frame", Unit::Seconds, passes);
+        all.register_with_unit("frame_pass", "Duration of the passes of the last frame", Unit::Seconds, passes);
     }
     if let Some(age) = figures.frames.last_age {
         let age_s = ConstGauge::new(age.as_secs_f64());
@@ -161,7 +161,7 @@ fn registry(service: &Service) -> Registry {
     all
 }
 
-/// Registers the figures of a cluster: times in seconds, counts by kind, and the nodes of a director.
+/// Registers the figures of a cluster: times in seconds, counts by kind, and for a director those of its nodes.
 fn register_cluster(all: &mut Registry, figures: &ClusterFigures) {
     type Gauges = Family<Vec<(&'static str, String)>, Gauge<f64, AtomicU64>>;
     all.register(

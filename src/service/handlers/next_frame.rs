@@ -1,5 +1,5 @@
-//! Frames on request: a client that requests the next frame after it has shown the last one never sees an outdated
-//! image, whatever buffers are in between.
+//! Frames on request: a client that requests the next frame only after it has shown the last one never gets an outdated image, whatever buffers are
+//! between it and the daemon.
 
 use std::{
     collections::HashSet,
@@ -28,7 +28,7 @@ use crate::service::{
 
 /// Maximum number of views in a call.
 const MOST_VIEWS: usize = 16;
-/// Time in which the images of one frame are delivered to several views.
+/// Time within which the images of one frame are delivered for several views.
 const HANDING_OUT: Duration = Duration::from_millis(2);
 
 type Rendered = Result<Arc<RenderedFrame>, Status>;
@@ -45,7 +45,7 @@ impl Service {
         let place = image_request.client.stream()?;
         let subscription = match self.headset_of(image_request.view) {
             None => self.render.subscribe_after(image_request.view, image_request.wanted(), after),
-            // Each frame of a headset has a new pose.
+            // Each frame of a headset has a new pose, so every frame is a next one.
             Some(headset) => headset.subscribe(image_request.wanted(), Duration::ZERO),
         };
         let subscription = subscription.map_err(refused)?;
@@ -72,7 +72,7 @@ impl Service {
         Ok((image_request.encode(&rendered, read(request)).await?, held))
     }
 
-    /// Waits until the next frame of one of several views is ready, and returns the frames of all views that are ready then.
+    /// Waits until the next frame of one of several views is ready, and returns the frames of all views that are ready at that time.
     pub(crate) async fn pull_several(
         &self,
         client: &ClientInfo,
@@ -89,7 +89,10 @@ impl Service {
             let image_request = self.pulled(client, request)?;
             if !asked.insert((image_request.name.clone(), image_request.form.encoding)) {
                 let encoding = image_request.form.encoding.name();
-                return Err(refusals::invalid(format!("views: `{}` is named twice as {encoding}", image_request.name)));
+                return Err(refusals::invalid(format!(
+                    "views: `{}` is named twice with the encoding {encoding}",
+                    image_request.name
+                )));
             }
             image_requests.push((image_request, request));
         }

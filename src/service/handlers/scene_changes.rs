@@ -32,8 +32,7 @@ use crate::{
 /// Maximum length of a snapshot's name, characters.
 const MOST_NAME: usize = 64;
 
-/// Memory of the impostor atlases of all shapes of a scene on the adapter; rendering them needs twice as much in
-/// addition.
+/// Maximum memory on the adapter for the impostor atlases of all shapes of a scene. Rendering the atlases needs twice as much in addition.
 const MOST_ATLAS_BYTES: u64 = 512 << 20;
 
 impl Service {
@@ -87,7 +86,7 @@ impl Service {
         let groups = after.views.frame_groups(&self.render.general(after));
         self.plan(self.render.snapshot(after), groups.clone()).await?;
         let new = new_sets(before, after);
-        // Without fields, this releases the data of earlier ones.
+        // If the change removes all fields, this releases the data of the earlier ones.
         let ends_fields = !before.objects.drawn.fields.is_empty() && after.objects.drawn.fields.is_empty();
         let needs_shaders = !new.is_empty() || brings_shaders(&before.objects.drawn, &after.objects.drawn);
         let pipelines = self.background_jobs.pipelines.clone();
@@ -114,8 +113,8 @@ impl Service {
         Ok(scene)
     }
 
-    /// Replaces the scene that a change was made for. Returns `None` if another change came first and no revision was
-    /// expected, so that the caller repeats the change.
+    /// Replaces the scene that a change was made for. Returns `None` if another change came first and the client expected no particular revision; the
+    /// caller then repeats the change.
     pub(crate) async fn commit(
         &self,
         scene: SceneState,
@@ -131,7 +130,7 @@ impl Service {
 
     /// Saves a change, if there is a state file, and then applies it.
     async fn replace(&self, scene: SceneState, made_for: u64) -> Result<Result<SceneState, SceneError>, Status> {
-        // One change at a time, so that the file matches the displayed scene.
+        // Apply one change at a time, so that the file matches the displayed scene.
         let file = Arc::clone(&self.state).lock_owned().await;
         let now = self.render.scene().map_err(refused)?;
         if let Err(error) = now.expect(Some(made_for)) {
@@ -161,7 +160,7 @@ impl Service {
         let camera = saved.camera.clone().map(camera::camera_update_from_pb).transpose();
         let camera = camera.map_err(|problem| Status::failed_precondition(format!("camera.{problem}")))?;
         if camera.is_some() {
-            // Check before any change.
+            // Check this before anything is changed.
             self.render.check_lease(None).map_err(|error| unmoved(&error))?;
         }
         for _ in 0..MOST_ATTEMPTS {
@@ -173,7 +172,7 @@ impl Service {
             if let Some(headset) = &self.headset
                 && changed.views.named(headset.name()).is_some()
             {
-                let problem = format!("the snapshot has a view `{}`, and the headset has this name", headset.name());
+                let problem = format!("the snapshot has a view `{}`, which is the name of the headset", headset.name());
                 return Err(Status::failed_precondition(problem));
             }
             self.prepare(&scene, &changed).await?;
@@ -220,7 +219,7 @@ impl Service {
     async fn placed<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, Status> {
         let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
         let placing = move || {
-            // Held until the work is done, even if the caller disconnects.
+            // The lock is held until the work is done, even if the caller disconnects.
             let _permit = permit;
             threads::on_own_cores(work)
         };
@@ -246,7 +245,7 @@ fn snapshot_name(name: String) -> Result<String, Status> {
     Ok(name)
 }
 
-/// Whether a change brings the first objects of a kind, whose frames need additional shaders.
+/// Whether a change adds the first objects of a kind, so that frames need additional shaders.
 fn brings_shaders(before: &SceneObjects, after: &SceneObjects) -> bool {
     (before.bodies.is_empty() && !after.bodies.is_empty())
         || (before.surroundings.is_none() && after.surroundings.is_some())
@@ -293,13 +292,13 @@ fn check_atlases(before: &SceneState, after: &SceneState) -> Result<(), Status> 
     Err(refusals::exhausted(
         "impostor atlases",
         format!(
-            "asteroid_fields: the impostors of their shapes need {needed} MiB, at most {most} MiB are allowed: fewer seeds or files of shapes, or smaller \
-             asteroids.tiles and asteroids.tile_px"
+            "asteroid_fields: the impostors of their shapes need {needed} MiB, but at most {most} MiB are allowed: use fewer seeds or files of \
+             shapes, or smaller asteroids.tiles and asteroids.tile_px"
         ),
     ))
 }
 
-/// Returns the paths of a mask.
+/// Returns the paths in a mask.
 pub(crate) fn paths(mask: Option<prost_types::FieldMask>) -> Vec<String> {
     mask.map(|mask| mask.paths).unwrap_or_default()
 }

@@ -46,19 +46,19 @@ use crate::{
     xr,
 };
 
-/// Concurrent Identify calls; further calls are refused. Each searches the stars of a part of the sky.
+/// Maximum number of concurrent Identify calls; further calls are refused. Each searches the stars of a part of the sky.
 const LOOKING: usize = 8;
 
 /// A stream repeats its message after this time without a change: proxies end silent streams after a minute, and clients may expect a sign of life.
 const REPEATS: Duration = Duration::from_secs(15);
 
-/// Range of the rate of `StreamFrames`, Hz, besides 0.
+/// Range of the rate of `StreamFrames`, Hz; 0 is allowed too.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
 
-/// Range of the longest side of reduced images, pixels, besides 0.
+/// Range of the longest side of scaled-down images, pixels; 0 is allowed too.
 const MAX_SIZES: std::ops::RangeInclusive<u32> = 16..=16_384;
 
-/// Maximum number of attempts at a change while other changes interfere.
+/// Maximum number of attempts to make a change when other changes come first.
 pub(crate) const MOST_ATTEMPTS: usize = 8;
 
 /// A call fails after this time without a frame from the headset, for example while it is not worn.
@@ -82,7 +82,7 @@ pub(crate) struct Service {
     /// The state file; the lock serialises changes.
     pub(crate) state: Arc<Mutex<Option<StateFile>>>,
     pub(crate) shares: Arc<Shares>,
-    /// Serialises calls that place asteroids.
+    /// Lock that serialises calls that place asteroids.
     pub(crate) placing: Arc<Semaphore>,
     /// Planner for checks of changes; the lock serialises them.
     pub(crate) planner: Arc<Mutex<Planner>>,
@@ -213,8 +213,8 @@ impl Service {
         Ok([own, place])
     }
 
-    /// Streams the current value and every change, until it is `None`, and repeats it after [`REPEATS`] without a change,
-    /// so that proxies do not end the stream. A slow reader gets the newest value when there is room for it.
+    /// Streams the current value and every change, until the value is `None`, and repeats the value after [`REPEATS`] without a change, so that
+    /// proxies do not end the stream. A slow reader gets the newest value when there is room for it.
     pub(crate) fn watched<T, M>(
         &self,
         client: &ClientInfo,
@@ -245,7 +245,7 @@ impl Service {
         Ok(ReceiverStream::new(stream))
     }
 
-    /// Renders a frame of the requested view after the call.
+    /// Renders a frame of the requested view that begins after the call.
     async fn rendered(&self, image_request: &ImageRequest) -> Result<Arc<RenderedFrame>, Status> {
         let reply = match self.headset_of(image_request.view) {
             None => self.render.request(image_request.view, image_request.wanted()).map_err(refused)?.await,
@@ -265,14 +265,14 @@ impl Service {
     }
 }
 
-/// Returns an answer that holds reserved bytes until it is sent.
+/// Returns an answer that keeps bytes reserved until it is sent.
 fn holding<T>(answer: T, held: Held) -> Response<T> {
     let mut response = Response::new(answer);
     response.extensions_mut().insert(held);
     response
 }
 
-/// The error after the last attempt at a change.
+/// Returns the error after the last attempt at a change.
 pub(crate) fn changed_meanwhile() -> Status {
     Status::aborted("the scene changed during every attempt: try again")
 }

@@ -65,7 +65,7 @@ pub(crate) fn status_to_pb(headset: &Headset) -> proto::HeadsetStatus {
     known_to_pb(headset.name(), &headset.report().0)
 }
 
-/// Returns the view of the headset, with the general settings.
+/// Returns the message of the headset's view, with the general settings.
 pub(crate) fn headset_view_to_pb(headset: &Headset, general: &RenderSettings, scene: &SceneState) -> proto::View {
     proto::View {
         name: headset.name().to_owned(),

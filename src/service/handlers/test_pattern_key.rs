@@ -1,4 +1,4 @@
-//! The test pattern key of the windows: it changes the scene as a call would.
+//! The test pattern key of the windows: it changes the scene in the same way as a call.
 
 use tokio::sync::mpsc;
 
@@ -29,12 +29,12 @@ impl Service {
                 Ok(scene) => {
                     let switched = if has_all { "off" } else { "on" };
                     tracing::info!(
-                        "test patterns {switched} by a key of a window, revision {} of the scene",
+                        "test patterns {switched} by the key of a window, revision {} of the scene",
                         scene.revision
                     );
                 }
                 Err(status) => {
-                    tracing::error!("cannot switch test patterns by a key of a window: {}", status.message())
+                    tracing::error!("cannot switch test patterns by the key of a window: {}", status.message())
                 }
             }
         }

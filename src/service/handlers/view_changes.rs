@@ -22,12 +22,12 @@ use crate::{
     view::{Rig, View},
 };
 
-/// Maximum number of views when one is created. Every frame checks all of them, and each may need a separate frame.
+/// Maximum number of views after one is created. Every frame checks all views, and each view may need a separate frame.
 const MOST_VIEWS: usize = 32;
-/// Maximum pixels of all views when one is created or enlarged: an image of 8192 x 8192. Accumulators, images and their
-/// copies take up to 70 bytes per pixel, so all views take less than 5 GB.
+/// Maximum number of pixels of all views after one is created or enlarged, equal to an image of 8192 x 8192. Accumulators, images and their copies
+/// take up to 70 bytes per pixel, so all views together take less than 5 GB.
 const MOST_PIXELS: u64 = 8192 * 8192;
-/// Maximum length of a view's name from a client, characters.
+/// Maximum length of a view's name that a client gives, characters.
 const MOST_NAME: usize = 64;
 
 /// Checks the limits after a change. The configuration may exceed them; a change that does not increase the excess is
@@ -41,8 +41,8 @@ fn check_size(before: &ViewSet, after: &ViewSet) -> Result<(), Status> {
     let [pixels_before, pixels] = [before, after].map(ViewSet::pixels);
     if pixels > MOST_PIXELS && pixels > pixels_before {
         let problem = format!(
-            "the images of all views would have {pixels} pixels together: at most {MOST_PIXELS} are allowed (8192 x 8192); choose a smaller size, \
-             or delete a view"
+            "the images of all views would have {pixels} pixels together, but at most {MOST_PIXELS} are allowed (8192 x 8192): choose a smaller \
+             size, or delete a view"
         );
         return Err(refusals::exhausted("pixels", problem));
     }
@@ -51,7 +51,7 @@ fn check_size(before: &ViewSet, after: &ViewSet) -> Result<(), Status> {
 
 /// Returns the frame groups of a scene that are new after a change.
 fn new_groups(before: Vec<FrameGroup>, after: Vec<FrameGroup>) -> Vec<FrameGroup> {
-    // Indices of views change when one is deleted.
+    // Compare groups without the indices of views, which change when a view is deleted.
     let without_views = |group: &FrameGroup| FrameGroup { views: Vec::new(), ..group.clone() };
     let known: Vec<FrameGroup> = before.iter().map(without_views).collect();
     after.into_iter().filter(|group| !known.contains(&without_views(group))).collect()

@@ -1,5 +1,5 @@
-//! Connected clients, and the limits of each one's share of common resources: places among waiting calls and encoders,
-//! and bytes in memory.
+//! Connected clients, and the limits of each client's share of common resources: places for waiting calls, places among the encoders, and bytes in
+//! memory.
 
 use std::{
     collections::HashMap,
@@ -20,26 +20,26 @@ use super::{
 };
 use crate::service::wire::refusals;
 
-/// Concurrent RenderFrame calls of one client.
+/// Maximum number of concurrent RenderFrame calls of one client.
 const RENDERS: usize = 4;
-/// Minimum share of one client in the daemon's streams of frames, and in those of scene, camera and statistics. A quarter of the streams of frames is
-/// the share if it is larger.
+/// Minimum share of one client in the daemon's streams of frames, and in those of scene, camera and statistics. If a quarter of the streams of frames
+/// is more, that quarter is the share.
 const LEAST_STREAMS: usize = 16;
-/// Concurrent Identify calls of one client.
+/// Maximum number of concurrent Identify calls of one client.
 const SEARCHES: usize = 2;
-/// Concurrent changes of one client that wait for each other or for those of others.
+/// Maximum number of concurrent changes of one client, including those that wait for other changes.
 const CHANGES: usize = 16;
-/// Frames of one client that are being encoded, or wait for an encoder of their kind.
+/// Maximum number of frames of one client that are being encoded, or wait for an encoder of their kind.
 const ENCODINGS: usize = 2;
-/// The same for slow encodings.
+/// The same limit for slow encodings.
 const SLOW_ENCODINGS: usize = 1;
 /// Unit in which bytes are counted.
 const UNIT: u64 = 1024;
-/// Bytes of incomplete requests: of one client, and in total.
+/// Maximum size of incomplete requests, bytes: for one client, and for all.
 const INPUT_OF_ONE: u64 = 16 << 20;
 const INPUT: u64 = 64 << 20;
-/// Bytes of frames in transit: of one client, and in total. A frame above the limit of one client is accepted if that
-/// client has no other frame in transit.
+/// Maximum size of frames in transit, bytes: for one client, and for all. A frame above the limit of one client is accepted if that client has no
+/// other frame in transit.
 const OUTPUT_OF_ONE: u64 = 512 << 20;
 const OUTPUT: u64 = 1 << 30;
 
@@ -47,7 +47,7 @@ const OUTPUT: u64 = 1 << 30;
 const FIRST_CALL: Duration = Duration::from_secs(10);
 /// The same while more than [`MOST_SILENT`] connections have made no call, so that they do not keep others out.
 const FIRST_CALL_OF_MANY: Duration = Duration::from_secs(1);
-/// Half of the places for connections.
+/// Number of silent connections above which the shorter time applies: half of the places for connections.
 const MOST_SILENT: u64 = 256;
 /// A connection whose client does not read its answers is closed after this time.
 const STALLED: Duration = Duration::from_secs(60);
@@ -119,7 +119,7 @@ impl Held {
     }
 }
 
-/// Bytes of a message in transit: the message, and its copy in the connection.
+/// Returns the bytes of a message in transit, which include its copy in the connection.
 fn output_of(message_bytes: u64) -> u64 {
     message_bytes.saturating_mul(2).min(OUTPUT_OF_ONE)
 }
@@ -130,7 +130,7 @@ struct Calls {
     open: usize,
     /// Number of all calls.
     count: u64,
-    /// Number of calls by monitoring.
+    /// Number of calls from monitoring.
     monitoring: u64,
     /// Time of the last received data.
     last_read: Instant,
@@ -181,7 +181,7 @@ impl Drop for Client {
             let rest = self.moves.get_mut().unwrap_or_else(PoisonError::into_inner).take().and_then(Moves::rest);
             let line = format!("disconnected: {count} calls in {seconds:.1} s");
             match rest {
-                // A part of the log of changes, which is complete.
+                // This line is part of the log of changes, which must be complete.
                 Some(moves) => tracing::info!(client = self.name(), "{line}; {}", moves.in_words()),
                 None => self.log(Kind::Disconnected, &line),
             }
@@ -211,7 +211,7 @@ impl Client {
     }
 }
 
-/// A client's connection: every request carries it.
+/// Handle of a client's connection, which every request on it contains as an extension.
 #[derive(Clone, Debug)]
 pub(crate) struct ClientInfo(Arc<Client>);
 
@@ -332,7 +332,7 @@ impl ClientInfo {
     pub(crate) fn hold_input(&self, bytes: u64) -> Result<Held, Status> {
         self.hold(bytes, &self.0.input, &self.0.shares.input).ok_or_else(|| {
             self.refuse(format!(
-                "incomplete requests may hold at most {} MiB of one client, and {} MiB in total",
+                "incomplete requests may take at most {} MiB for one client, and {} MiB for all",
                 INPUT_OF_ONE >> 20,
                 INPUT >> 20
             ))
@@ -344,14 +344,14 @@ impl ClientInfo {
         self.hold_more_output(0, message_bytes)
     }
 
-    /// Reserves the difference between larger frames and smaller ones that are reserved already.
+    /// Reserves bytes for a larger frame in addition to those that are reserved for a smaller one.
     pub(crate) fn hold_more_output(&self, held_message_bytes: u64, message_bytes: u64) -> Result<Held, Status> {
         let [held, bytes] = [held_message_bytes, message_bytes].map(output_of);
         // Round both, so that the sum equals the reservation of the larger frame.
         let more = UNIT * u64::from(units(bytes).saturating_sub(units(held)));
         self.hold(more, &self.0.output, &self.0.shares.output).ok_or_else(|| {
             self.refuse(format!(
-                "frames on their way may have {} MiB of one client, and {} MiB in all; this one takes {} MiB: end a stream, or ask for smaller \
+                "frames in transit may take {} MiB for one client, and {} MiB for all; this one takes {} MiB: end a stream, or request smaller \
                  images",
                 OUTPUT_OF_ONE >> 20,
                 OUTPUT >> 20,
@@ -420,7 +420,7 @@ pub(crate) struct OpenCall {
 }
 
 impl OpenCall {
-    /// Records that the connection requests the next part of the answer, and got one (`true`) or waits for it.
+    /// Records that the connection has requested the next part of the answer, and has got it (`true`) or is waiting for it.
     pub(crate) fn note(&self, got_part: bool) {
         let mut calls = self.client.calls();
         if got_part {
@@ -436,7 +436,7 @@ impl Drop for OpenCall {
         let mut calls = self.client.calls();
         calls.handed_out.remove(&self.number);
         calls.open -= 1;
-        // Idle time starts after the last call.
+        // The idle time starts at the end of the last call.
         calls.last_read = Instant::now();
     }
 }
@@ -466,14 +466,14 @@ mod tests {
         let others: Vec<ClientInfo> = (0..4).map(|_| client(&shares)).collect();
         let held: Vec<Held> = others.iter().filter_map(|other| other.hold_input(INPUT_OF_ONE).ok()).collect();
         assert_eq!(held.len() as u64, INPUT / INPUT_OF_ONE - 1, "the first client holds the rest");
-        // One frame is accepted whatever its size.
+        // A single frame is accepted whatever its size.
         let frame = first.hold_output(u64::MAX / 4).unwrap();
         assert!(first.hold_output(UNIT).is_err());
         drop(frame);
         first.hold_output(UNIT).unwrap();
     }
 
-    /// A client that has taken its share leaves the rest to others.
+    /// A client that has taken its share must leave the rest to others.
     #[test]
     fn places_are_limited_per_client_and_released() {
         let shares = some_shares();

@@ -40,15 +40,15 @@ use crate::{
 
 /// Maximum number of connections; further ones are closed at once.
 const CONNECTIONS: usize = 512;
-/// Connections use at most the number of the process's file descriptors divided by this.
+/// The number of connections is at most the number of the process's file descriptors divided by this.
 const SHARE_OF_DESCRIPTORS: u64 = 2;
 /// A request must be complete after this time; a stream of poses is exempt while its call lasts.
 const REQUEST: Duration = Duration::from_secs(30);
-/// Calls whose requests are endless streams of small messages.
+/// Calls whose requests are streams of small messages without an end.
 const STREAMED_REQUESTS: [&str; 1] = ["/steradian.v1.CameraService/StreamCamera"];
 /// Interval between checks of a connection.
 const LOOK: Duration = Duration::from_secs(1);
-/// Maximum bytes of a foreign host or page in messages.
+/// Maximum length of a foreign host or page in messages, bytes.
 const MOST_FOREIGN: usize = 96;
 /// Pause after an accept that failed for a temporary reason, such as a lack of descriptors.
 const BACK_OFF: Duration = Duration::from_millis(200);
@@ -62,7 +62,7 @@ pub(crate) enum Listener {
 }
 
 impl Listener {
-    /// Two listeners for the same socket: in this runtime and in another one.
+    /// Returns two listeners for the same socket: one in this runtime, and one in the runtime `other`.
     pub(crate) fn twice(self, other: &Handle) -> io::Result<(Self, Self)> {
         Ok(match self {
             Self::Tcp(listener) => {
@@ -119,7 +119,7 @@ impl Incoming {
     }
 }
 
-/// Maximum number of connections for the process's descriptors.
+/// Returns the maximum number of connections that the process's file descriptors allow.
 fn most_connections() -> usize {
     let share =
         process::open_files_limit().map_or(CONNECTIONS as u64, |descriptors| descriptors / SHARE_OF_DESCRIPTORS);
@@ -223,12 +223,12 @@ impl Stream {
     }
 }
 
-/// A byte stream that can be read and written.
+/// A byte stream that can be read from and written to.
 trait Bytes: AsyncRead + AsyncWrite + Unpin + Send {}
 
 impl<T: AsyncRead + AsyncWrite + Unpin + Send> Bytes for T {}
 
-/// A connection that closes itself if its client is silent or stalled.
+/// A connection that closes itself if its client is silent or does not read its answers.
 pub(crate) struct Connection {
     stream: Stream,
     client: ClientInfo,
@@ -388,7 +388,7 @@ where
             return Box::pin(async { Ok(Status::internal("the request has no connection").into_http()) });
         };
         let call = client.open_call(request.uri().path());
-        // A proxy in front of the daemon may use another one of them (RFC 9112, section 3.2).
+        // If there are several such headers, a proxy in front of the daemon may use another one than the daemon (RFC 9112, section 3.2).
         if request.headers().get_all(header::HOST).iter().nth(1).is_some() {
             let problem = "a request must have one header `host`, not several";
             client.log(Kind::Misnamed, &format!("refused: {problem}"));
@@ -465,7 +465,7 @@ impl HttpBody for BoundedRequest {
     }
 }
 
-/// An answer that counts as one of its connection's until it is sent.
+/// An answer that counts as an open one of its connection until it is sent.
 struct CountedAnswer {
     body: Body,
     call: OpenCall,

@@ -17,7 +17,7 @@ pub(crate) const METRICS: &str = "/metrics";
 /// Path of the health.
 pub(crate) const HEALTH: &str = "/healthz";
 
-/// Whether a path is requested again and again by monitoring.
+/// Whether a path is one that monitoring requests again and again.
 pub(crate) fn is_monitoring(path: &str) -> bool {
     [METRICS, HEALTH].contains(&path)
 }
@@ -33,7 +33,7 @@ pub(crate) fn text(status: StatusCode, kind: &'static str, text: String) -> Resp
     response
 }
 
-/// Media type of calls; those of gRPC-Web begin with it too.
+/// Media type of calls. The media types of gRPC-Web begin with it too.
 const GRPC: &[u8] = b"application/grpc";
 /// Start of the media types of gRPC-Web.
 const GRPC_WEB: &[u8] = b"application/grpc-web";
@@ -55,8 +55,7 @@ pub(crate) fn refused_call(request: &Request<Body>, status: &Status) -> Option<R
     Some(response)
 }
 
-/// Returns the answer to a request that no file and no call can answer, because of its method or its version of HTTP; `None`:
-/// it may be a call.
+/// Returns the answer to a request that is neither for a file nor a call, because of its method or its version of HTTP; `None` if it may be a call.
 pub(crate) fn misdirected(request: &Request<Body>) -> Option<Response<Body>> {
     let is_http2 = request.version() == Version::HTTP_2;
     let path = request.uri().path();
@@ -64,7 +63,7 @@ pub(crate) fn misdirected(request: &Request<Body>) -> Option<Response<Body>> {
     match call_type(request) {
         Some(kind) if is_http2 || kind.as_bytes().starts_with(GRPC_WEB) => None,
         Some(_) => {
-            let problem = "gRPC needs HTTP/2, and this request came over HTTP/1.1: a proxy must pass calls on with HTTP/2 (nginx: \
+            let problem = "gRPC needs HTTP/2, but this request came over HTTP/1.1: a proxy must pass calls on with HTTP/2 (nginx: \
                            grpc_pass instead of proxy_pass); gRPC-Web works over both\n";
             Some(text(StatusCode::HTTP_VERSION_NOT_SUPPORTED, PLAIN, problem.to_owned()))
         }

@@ -1,5 +1,5 @@
-//! Lines of the log that clients cause without any access. Each address has at most one line of a kind at once, and then
-//! one a second, which counts the others.
+//! Lines of the log that clients can cause without having access. For each address and kind, the first line is written at once, and then at most one
+//! line per second, which states the number of the others.
 
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -9,7 +9,7 @@ use std::{
 
 use tokio::{runtime::Handle, time::sleep};
 
-/// Interval of the lines of an address and a kind.
+/// Interval between the lines of an address and a kind.
 const INTERVAL: Duration = Duration::from_secs(1);
 /// Maximum number of pairs of address and kind that are counted separately; all others share one line per kind.
 const MOST_APART: usize = 1024;
@@ -40,18 +40,18 @@ impl Kind {
     }
 }
 
-/// The kind and the address that lines share.
+/// Kind and address of lines that are counted together.
 type Key = (Kind, Arc<str>);
 
-/// Lines of an address that were not written.
+/// Lines of one address and kind that were not written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Unwritten {
     count: u64,
-    /// The last one of them.
+    /// The last of these lines.
     last: String,
 }
 
-/// Numbers of the lines of the last second.
+/// Number of lines of each kind and address in the last second.
 #[derive(Debug, Default)]
 pub(crate) struct LogSummary {
     unwritten: Mutex<HashMap<Key, Unwritten>>,
@@ -60,7 +60,7 @@ pub(crate) struct LogSummary {
 impl LogSummary {
     /// Counts a line; returns the key if the line is the first one and must be written.
     fn note(&self, kind: Kind, address: &str, line: &str) -> Option<Key> {
-        // No code panics while it holds the lock.
+        // No code panics while it holds the lock, so the content is consistent even if the lock is poisoned.
         let mut all = self.unwritten.lock().unwrap_or_else(PoisonError::into_inner);
         let mut key: Key = (kind, address.into());
         if all.len() >= MOST_APART && !all.contains_key(&key) {
@@ -80,7 +80,7 @@ impl LogSummary {
         }
     }
 
-    /// Returns the lines since the last call; `None`: there were none, and the next line counts as a first one again.
+    /// Returns the lines since the last call. `None` if there were none; the next line is then a first one again.
     fn take(&self, key: &Key) -> Option<Unwritten> {
         let mut all = self.unwritten.lock().unwrap_or_else(PoisonError::into_inner);
         let counted = all.get_mut(key).map(std::mem::take).filter(|counted| counted.count > 0);
@@ -90,7 +90,7 @@ impl LogSummary {
         counted
     }
 
-    /// Writes the first line of a kind and an address at once. Counts further lines; one line each second states their number.
+    /// Writes the first line of a kind and an address at once, and counts further lines. One line per second states their number.
     pub(crate) fn write(self: &Arc<Self>, kind: Kind, address: &str, client: &str, line: &str) {
         // Without a runtime the daemon has ended, and few connections are left.
         let Ok(runtime) = Handle::try_current() else { return kind.write(client, line) };
@@ -101,7 +101,7 @@ impl LogSummary {
             loop {
                 sleep(INTERVAL).await;
                 let Some(Unwritten { count, last }) = summary.take(&key) else { return };
-                kind.write(&key.1, &format!("{count} more in a second, the last one: {last}"));
+                kind.write(&key.1, &format!("{count} more within a second, the last one: {last}"));
             }
         });
     }

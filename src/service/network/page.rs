@@ -20,7 +20,7 @@ const FILES: [(&str, &str, &str); 4] = [
     ("/icon.svg", "image/svg+xml", include_str!("../../../web/dist/icon.svg")),
 ];
 
-/// Headers of every answer. No other page may embed this one.
+/// Headers of every answer. They prevent other pages from embedding this one.
 const HEADERS: [(header::HeaderName, &str); 5] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -94,13 +94,13 @@ impl Page {
 }
 
 fn set(response: &mut Response<Body>, name: header::HeaderName, value: &str) {
-    // All values are our own ASCII text: a test sends each of them.
+    // All values are ASCII text from this file, and a test sends each of them.
     if let Ok(value) = header::HeaderValue::from_str(value) {
         response.headers_mut().insert(name, value);
     }
 }
 
-/// Whether the client has the version with this tag.
+/// Whether the client already has the version with this tag.
 fn is_known(headers: &HeaderMap, etag: &str) -> bool {
     let tags = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     tags.flat_map(|value| value.split(',')).map(str::trim).any(|tag| tag == "*" || tag.trim_start_matches("W/") == etag)

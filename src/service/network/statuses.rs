@@ -1,5 +1,5 @@
-//! Layer that corrects the statuses of all answers: short enough for the headers of an answer, and with the documented code
-//! if a request could not be read. Handlers and libraries make statuses in many places; all pass here, except those that
+//! Layer that corrects the statuses of all answers: it makes them short enough for the headers of an answer, and gives them the documented code if a
+//! request could not be read. Handlers and libraries create statuses in many places; all pass this layer, except those that
 //! [`refused_call`](super::http_handler::refused_call) sends.
 
 use std::{
@@ -22,7 +22,7 @@ const TOO_LONG: &str = "Error, decoded message length too large: ";
 /// Start of prost's text for a message that cannot be decoded.
 const UNDECODABLE: &str = "failed to decode Protobuf message";
 
-/// Returns the status of a request that could not be read with the documented code.
+/// Changes the status of a request that could not be read to the documented code.
 fn named(status: Status) -> Status {
     let text = status.message();
     match status.code() {
@@ -134,7 +134,7 @@ impl HttpBody for CorrectedAnswer {
 mod tests {
     use super::*;
 
-    /// Returns a status after the correction, and the bytes of all headers.
+    /// Returns a status after the correction, and the size of all headers, bytes.
     fn sent(status: &Status) -> (Status, usize) {
         let mut headers = HeaderMap::new();
         headers.insert(http::header::CONTENT_TYPE, http::HeaderValue::from_static("application/grpc"));

@@ -14,8 +14,8 @@ pub struct CameraUpdate {
     pub position_m: Option<[f64; 3]>,
     /// Camera axes to world axes, unit quaternion x, y, z, w.
     pub orientation: Option<[f64; 4]>,
-    /// Rotation about the camera's axes from its orientation at the time of the change, unit quaternion x, y, z, w;
-    /// instead of `orientation`.
+    /// Rotation about the camera's axes, relative to its orientation at the time of the change, unit quaternion x, y, z, w. It replaces
+    /// `orientation`.
     pub turn: Option<[f64; 4]>,
     /// Velocity in units of the speed of light, world axes; at most 0.9999 long.
     pub velocity_c: Option<[f64; 3]>,
@@ -24,7 +24,7 @@ pub struct CameraUpdate {
 }
 
 impl CameraUpdate {
-    /// Returns the camera after this change of `old`.
+    /// Returns the camera that results from this change of `old`.
     pub(crate) fn applied_to(&self, old: &Camera) -> Result<Camera, PoseError> {
         let moved = Camera::new(
             self.position_m.unwrap_or(old.position_m.to_array()),
@@ -40,11 +40,11 @@ impl CameraUpdate {
 /// Direction of a camera for an observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Horizontal {
-    /// From north through east, 0 to 360.
+    /// Azimuth from north through east, 0 to 360.
     pub(crate) azimuth_deg: f64,
-    /// Above the horizon, without refraction.
+    /// Altitude above the horizon, without refraction.
     pub(crate) altitude_deg: f64,
-    /// Rotation of the top of the image to the left.
+    /// Angle by which the top of the image is turned to the left.
     pub(crate) roll_deg: f64,
 }
 

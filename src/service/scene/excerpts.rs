@@ -1,11 +1,11 @@
-//! Short forms of names and lists for messages: names come from clients, and lists have any length. An answer whose error
-//! text is too long for the headers of HTTP/2 ends all calls of its connection.
+//! Short forms of names and lists for messages. Names come from clients, and lists may have any length. An answer whose error text is too long for
+//! the headers of HTTP/2 ends all calls of its connection.
 
 use std::borrow::Cow;
 
-/// Bytes of a name in a list.
+/// Maximum length of a name in a list, bytes.
 const MOST_NAME: usize = 96;
-/// Bytes of a list.
+/// Maximum length of a list, bytes.
 const MOST_LIST: usize = 320;
 
 /// Returns the bytes of a character in the header `grpc-message`, which is percent-encoded.
@@ -47,7 +47,7 @@ pub(crate) fn excerpt(text: &str, most: usize) -> Cow<'_, str> {
     }
 }
 
-/// Lists names: all, or the first of them and the number of the others.
+/// Lists names: either all, or the first of them and the number of the others.
 pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.into_iter().collect();
     let (mut list, mut bytes) = (String::new(), 0);

@@ -1,4 +1,4 @@
-//! The part of the scene that clients may change, in plain types. The render thread holds it; every change is a revision.
+//! The part of the scene that clients may change, in plain types. The render thread holds it; every change makes a new revision.
 
 pub(crate) mod camera;
 pub(crate) mod excerpts;

@@ -1,4 +1,4 @@
-//! Bodies and asteroid fields as clients define them, and the effect of changes on those of a scene.
+//! Bodies and asteroid fields as clients define them, and the effect of changes on the objects of a scene.
 //!
 //! Textures and shape files come only from the configuration: a client names the body or field of the configuration
 //! that has them.
@@ -29,7 +29,7 @@ pub struct BodyForm {
 }
 
 impl From<Body> for BodyForm {
-    /// A body without a texture.
+    /// Returns a body without a texture.
     fn from(mut body: Body) -> Self {
         body.surface.texture = None;
         Self { body, texture_of: None }
@@ -80,8 +80,7 @@ impl<T> Change<T> {
 }
 
 impl<T: Clone> Change<T> {
-    /// Returns the list after the change; the error names items to remove that do not exist. `kind` is the name of the
-    /// list.
+    /// Returns the list after the change. The error names an item that is to be removed but does not exist. `kind` is the name of the list.
     pub(crate) fn applied(&self, list: &[T], kind: &str, name_of: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
         let mut list = match self {
             Self::Nothing => return Ok(list.to_vec()),
@@ -116,7 +115,7 @@ pub(crate) struct Library {
     shapes: Vec<(String, ShapeSource)>,
 }
 
-/// Returns the name of an item of the library.
+/// Returns the item of the library that has a name.
 fn known<T: Clone>(list: &[(String, T)], name: &str, key: &str, what: &str) -> Result<T, String> {
     if let Some((_, found)) = list.iter().find(|(known, _)| known == name) {
         return Ok(found.clone());
@@ -147,7 +146,7 @@ pub(crate) struct MadeChange {
 
 impl Objects {
     /// Creates the objects that the daemon starts with from the placed objects, the definitions of their fields (`specs`) and of their observer
-    /// (`observer`). The error names those that do not match.
+    /// (`observer`). The error names definitions that do not match.
     pub(crate) fn new(
         drawn: Arc<SceneObjects>,
         specs: &[Arc<FieldSpec>],
@@ -163,7 +162,7 @@ impl Objects {
             specs.iter().map(|spec| spec.name.as_str()).collect(),
         ];
         if of_fields != of_specs {
-            return Err(format!("the scene has the fields {of_fields:?}, but the definitions are of {of_specs:?}"));
+            return Err(format!("the scene has the fields {of_fields:?}, but the definitions are for {of_specs:?}"));
         }
         let made = specs.iter().zip(&drawn.fields);
         let made = made.map(|(spec, field)| MadeField { spec: Arc::clone(spec), field: Arc::clone(field) }).collect();
@@ -208,8 +207,8 @@ impl Objects {
         self.made.iter().map(seen).collect()
     }
 
-    /// Checks that ephemeris kernels cover the time of a client's change of `before`: for all bodies if the change sets the time, otherwise for new
-    /// bodies only. A running scene that leaves the range of its kernels continues, and so does one from a state file.
+    /// Checks that ephemeris kernels cover the time after a client's change of `before`. This concerns all bodies if the change sets the time,
+    /// otherwise only new bodies. A running scene that leaves the range of its kernels continues, and so does one from a state file.
     pub(crate) fn check_covered(&self, before: &Self, sets_time: bool) -> Result<(), String> {
         let moment = Moment::new(self.drawn.time_s, self.drawn.observer.as_ref());
         let stood = |body: &Body| {
@@ -238,7 +237,7 @@ impl Objects {
             let placed = moment.place(of, self.drawn.kernels.as_deref());
             placed.map_err(|problem| prefixed(&format!("ephemeris = {problem}")))?;
         }
-        // Reuse an equal body, because data prepared for it stay valid.
+        // Reuse an equal body, because the data that were prepared for it stay valid.
         let same = self.drawn.bodies.iter().find(|old| ***old == body);
         Ok(same.map_or_else(|| Arc::new(body), Arc::clone))
     }

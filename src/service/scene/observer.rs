@@ -16,7 +16,8 @@ pub struct GroundForm {
     pub enabled: bool,
     /// Albedo, 0 to 1.
     pub albedo: f64,
-    /// Horizon line: azimuths from 0 to 360 in rising order (two equal ones: a vertical wall), altitudes from -90 to 90; empty: the horizon of the sea.
+    /// Horizon line: azimuths from 0 to 360 in rising order (two equal ones mean a vertical wall), and altitudes from -90 to 90. If it is empty, the
+    /// horizon is that of the sea.
     pub horizon_deg: Vec<[f64; 2]>,
     /// Whether the configuration's panorama replaces that line.
     pub landscape: bool,
@@ -52,8 +53,8 @@ impl ObserverChange {
 #[derive(Clone, Debug)]
 pub(crate) struct GivenObserver {
     given: ObserverConfig,
-    /// Panorama of the configuration and its file, kept while the ground does not use it. `None` if the configuration
-    /// turns the ground off, because the file is not read then.
+    /// Panorama of the configuration and its file, which are kept while the ground does not use them. `None` if the configuration turns the ground
+    /// off, because the file is not read then.
     lent: Option<(PathBuf, Arc<Landscape>)>,
 }
 
@@ -66,7 +67,7 @@ pub(crate) struct MadeObserver {
 }
 
 impl GivenObserver {
-    /// Takes the observer of a configuration; `objects` have its landscape.
+    /// Takes the observer of a configuration; `objects` contain its landscape.
     pub(crate) fn new(given: ObserverConfig, objects: &SceneObjects) -> Self {
         let ground = objects.surroundings.as_ref().and_then(|surroundings| surroundings.ground.as_ref());
         let landscape = ground.and_then(|ground| ground.landscape.clone());
@@ -147,7 +148,7 @@ mod tests {
         assert_eq!(made.observer.place.height_m, 500.0);
         assert_eq!(made.given.definition().air.night_sky_mag, 20.0);
         assert!(made.surroundings.as_ref().unwrap().ground.is_some());
-        // Its own output is valid input: a state file contains it.
+        // The output must be valid input, because a state file contains it.
         let off = format!("{text}[scene.observer.ground]\nenabled = false\nlandscape = 'hills.png'\n");
         let off = Config::from_text(&off, "sky.toml", Path::new("."), &[]).unwrap();
         let off_objects = off.objects().unwrap();

@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-/// Maximum size of the files of all pictures that clients have sent, bytes: the state file has them in every state.
+/// Maximum total size of the files of all pictures that clients have sent, bytes. The state file contains these files in every state.
 pub(crate) const MOST_PNG_BYTES: usize = 2 << 20;
 
 /// A picture of a change.
@@ -36,13 +36,13 @@ pub struct PictureChange {
 }
 
 impl PictureChange {
-    /// A picture with a PNG; `None`: the PNG of the scene's picture of this name.
+    /// Creates a picture with a PNG; `None`: the PNG of the scene's picture of this name.
     pub fn new(name: impl Into<String>, png: Option<Vec<u8>>, anchor: Anchor, width_rad: f64) -> Self {
         let png = png.map(Arc::from);
         Self { name: name.into(), png, anchor, width_rad, roll_rad: 0.0, opacity: 1.0, decoded: None }
     }
 
-    /// An existing picture.
+    /// Returns the change that keeps an existing picture.
     fn kept(picture: &Picture) -> Self {
         let Picture { name, levels: _, png: _, anchor, width_rad, roll_rad, opacity } = picture.clone();
         Self { name, png: None, anchor, width_rad, roll_rad, opacity, decoded: None }
@@ -92,7 +92,7 @@ pub struct OverlayChange {
 }
 
 impl OverlayChange {
-    /// Returns the change that produces this overlay from any other with pictures of these names and files.
+    /// Returns the change that produces this overlay from any other overlay whose pictures have these names and files.
     pub fn all(overlay: Overlay) -> Self {
         Self {
             grids: Some(overlay.grids),
@@ -137,7 +137,7 @@ impl OverlayChange {
         let texels = texels.fold(0, usize::saturating_add);
         if texels > MOST_PICTURE_TEXELS {
             return Err(format!(
-                "overlay.pictures: {texels} texels: there must be at most {MOST_PICTURE_TEXELS} together"
+                "overlay.pictures: {texels} texels in all pictures: there must be at most {MOST_PICTURE_TEXELS}"
             ));
         }
         check_bytes(pngs().map(<[u8]>::len).sum())?;
@@ -174,10 +174,12 @@ impl OverlayChange {
     }
 }
 
-/// Refuses more bytes of PNG files than a scene may have.
+/// Checks that PNG files have no more bytes than a scene may have.
 fn check_bytes(bytes: usize) -> Result<(), String> {
     match bytes > MOST_PNG_BYTES {
-        true => Err(format!("overlay.pictures: {bytes} bytes of PNG files: must be at most {MOST_PNG_BYTES} together")),
+        true => {
+            Err(format!("overlay.pictures: {bytes} bytes in all PNG files: there must be at most {MOST_PNG_BYTES}"))
+        }
         false => Ok(()),
     }
 }

@@ -41,7 +41,7 @@ pub struct SceneCatalogue {
     pub stars: u64,
 }
 
-/// A change of time of more than this counts as a jump, s: twilight changes by a third of a magnitude in this time.
+/// A change of time by more than this counts as a jump, s. Twilight changes by a third of a magnitude in this time.
 const JUMP_S: f64 = 60.0;
 
 /// Changes of the scene; `None` and [`Change::Nothing`] keep a value.
@@ -75,7 +75,7 @@ impl SceneUpdate {
         !self.asteroid_fields.is_nothing() || !self.observer.is_nothing() || !self.overlay.pictures.is_nothing()
     }
 
-    /// Whether the change can make frames impossible to draw.
+    /// Whether the change may have the effect that frames cannot be drawn.
     pub(crate) fn needs_plan_check(&self) -> bool {
         let Self {
             star_method,
@@ -184,7 +184,7 @@ impl SceneState {
             let time_s = update.time_s.unwrap_or_else(|| self.clock.time_s(now));
             self.clock = SceneClock::running(time_s, update.time_rate.unwrap_or(self.clock.rate), now);
         }
-        // Place objects once for all frames if the clock does not run.
+        // If the clock does not run, place the objects once for all frames.
         self.objects = self.objects.changed(&update.objects, self.clock.time_s).map_err(SceneError::Invalid)?;
         self.objects = self.objects.with_overlay(&update.overlay).map_err(SceneError::Invalid)?;
         self.stars.method = update.star_method.unwrap_or(self.stars.method);

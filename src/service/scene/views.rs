@@ -51,7 +51,7 @@ pub enum SettingsChange<K> {
     /// No change.
     #[default]
     Keep,
-    /// Replaces all keys; without keys the general settings apply.
+    /// Replaces all keys. If there are no keys, the general settings apply.
     Replace(K),
     /// Changes some keys.
     Edit {
@@ -81,7 +81,8 @@ impl<K: PartialSettings> SettingsChange<K> {
         *keys = non_empty(Some(changed));
     }
 
-    /// Applies the change over general settings. Removes keys without effect, except those that the change sets, which are refused later.
+    /// Applies the change to keys that are set over general settings. Removes keys without effect, except those that the change sets, which are
+    /// refused later.
     fn apply_over<S: KeyEffects<Keys = K>>(&self, general: &S, keys: &mut Option<K>) {
         self.apply(keys);
         remove_useless(keys, |keys| general.without_effect(keys), |key| !self.sets(key));
@@ -144,7 +145,7 @@ pub(crate) struct ViewSet {
     pub(crate) settings: Vec<ViewSettings>,
 }
 
-/// A view that is about to join a set.
+/// A view that is to be added to a set.
 struct Member {
     id: ViewId,
     spec: ViewSpec,
@@ -156,7 +157,7 @@ fn non_empty<K: PartialSettings>(keys: Option<K>) -> Option<K> {
     keys.filter(|keys| !keys.is_empty())
 }
 
-/// Removes the `useless` keys for which `may_go` is true, and returns their names.
+/// Removes those of the `useless` keys for which `may_go` is true, and returns their names.
 fn remove_useless<K: PartialSettings>(
     keys: &mut Option<K>,
     useless: impl Fn(&K) -> Vec<&'static str>,
@@ -171,7 +172,7 @@ fn remove_useless<K: PartialSettings>(
     removed
 }
 
-/// Removes keys that have lost their effect since they were given, for example by another star method, and returns their names.
+/// Removes keys that have lost their effect since they were given, for example because the star method has changed, and returns their names.
 fn remove_outdated(spec: &mut ViewSpec, general: &RenderSettings) -> Vec<String> {
     let is_relative = general.stars.method.is_relative();
     let tables = [
@@ -185,7 +186,7 @@ fn remove_outdated(spec: &mut ViewSpec, general: &RenderSettings) -> Vec<String>
     tables.into_iter().flat_map(|(table, keys)| keys.into_iter().map(move |key| format!("{table}.{key}"))).collect()
 }
 
-/// The checked specification of a client or a state file, and the rig's view of it; the error names the key within the request.
+/// Checks the specification of a client or a state file, and returns it with the rig's view made from it. The error names the key within the request.
 fn checked(spec: &ViewSpec) -> Result<(ViewSpec, View), String> {
     spec.checked().map_err(|error| error.within(DEFINITION).to_string())
 }
@@ -257,7 +258,7 @@ impl ViewSet {
         self.rig.index_of(name).map(|index| (self.ids[index], index))
     }
 
-    /// Names of the views.
+    /// Returns the names of the views.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.rig.views().iter().map(|view| view.name.as_str())
     }
@@ -267,7 +268,7 @@ impl ViewSet {
         let of_image = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
         let Some(view) = self.rig.views().get(index) else { return 0 };
         let drawn = view.images.iter().map(|image| of_image(image.projection.mapping().size()));
-        // A warped picture of a projector exists twice.
+        // The picture of a projector that warps exists twice.
         let bent =
             view.kind.projector().filter(|output| output.resampling().is_some()).map(|output| of_image(output.size()));
         drawn.chain(bent).fold(0, u64::saturating_add)
@@ -291,7 +292,7 @@ impl ViewSet {
         ViewSpec { exposure, ..spec }
     }
 
-    /// Returns the specification of a view as in a configuration; a group's exposure is in that of its first view.
+    /// Returns the specification of a view as in a configuration. The exposure of a group is in the specification of its first view.
     fn spec_in_configuration(&self, view: usize) -> ViewSpec {
         let group = &self.entries[view].spec.exposure_group;
         let is_first = self.entries[..view].iter().all(|other| other.spec.exposure_group != *group);
@@ -336,7 +337,7 @@ impl ViewSet {
         self.entries[view].spec.exposure_group.as_deref().unwrap_or_default()
     }
 
-    /// Returns the keys that differ from the general ones, with the name of their table: `glare.fraction`.
+    /// Returns the names of the keys with values that differ from the general settings, including the names of their tables, as in `glare.fraction`.
     pub(crate) fn own_keys(&self, view: usize) -> Vec<String> {
         let ViewSpec { exposure, glare, tone_map, .. } = self.spec(view);
         let tables = [
@@ -368,7 +369,7 @@ impl ViewSet {
         })
     }
 
-    /// Returns the views without one; the error explains why another view would change.
+    /// Returns the views without the deleted one; the error explains why another view would change.
     pub(crate) fn without(&self, general: &RenderSettings, view: usize) -> Result<Self, String> {
         let mut left = self.up_to_date(general);
         let others: Vec<usize> = (0..self.ids.len()).filter(|index| *index != view).collect();
@@ -407,7 +408,7 @@ impl ViewSet {
         }
     }
 
-    /// Changes the glare of a view. Its file stays; the effective value may be sent back with the other keys.
+    /// Changes the glare of a view. The file stays the same; its effective value may be sent back with the other keys.
     fn set_glare(
         &mut self,
         general: &RenderSettings,

@@ -25,8 +25,8 @@ const SHOWN: &str = "shown";
 const CAMERA: &str = "camera";
 /// Format version. It grows with every change of the stored data, so that an older program cannot drop data that it does not know.
 const VERSION: u8 = 5;
-/// Older versions that are still read, and then written in the current one: version 1 has no views of clients, version 2 no observer, versions up to
-/// 3 have the settings of views as TOML text, and version 4 has no pictures. Missing values come from the configuration.
+/// Older versions that are still read; such files are then written in the current version. Version 1 has no views of clients, version 2 has no
+/// observer, versions up to 3 have the settings of views as TOML text, and version 4 has no pictures. Missing values come from the configuration.
 const OLDER: [u8; 4] = [1, 2, 3, 4];
 /// Maximum number of snapshots in a file.
 const MOST_SNAPSHOTS: u64 = 256;
@@ -59,7 +59,7 @@ pub enum StateError {
         /// Cause.
         problem: String,
     },
-    /// The path now leads to another file.
+    /// The path leads to another file than before.
     #[error(
         "server.state = {path}: it was replaced by another file while the daemon was running: remove that file to keep the current state, or restart the daemon to use it",
         path = path.display()
@@ -75,7 +75,7 @@ pub enum StateError {
     Full,
 }
 
-/// Returns why a file cannot be opened: its content, or its use by others and its permissions.
+/// Returns the reason why a file cannot be opened: its content is at fault, or it is in use or not accessible.
 fn unopened(path: &Path, source: DatabaseError) -> StateError {
     use std::io::ErrorKind::{InvalidData, UnexpectedEof};
     let is_damage = match &source {
@@ -86,9 +86,10 @@ fn unopened(path: &Path, source: DatabaseError) -> StateError {
         _ => false,
     };
     match is_damage {
-        true => {
-            StateError::Content { path: path.to_owned(), problem: format!("it is damaged or no state file: {source}") }
-        }
+        true => StateError::Content {
+            path: path.to_owned(),
+            problem: format!("it is damaged or not a state file: {source}"),
+        },
         false => StateError::Open { path: path.to_owned(), source: Box::new(source) },
     }
 }
@@ -127,7 +128,7 @@ pub(crate) struct SnapshotName {
     pub(crate) time: Option<prost_types::Timestamp>,
 }
 
-/// Checks, before slow work at the start, whether [`run`](crate::service::run) can use a state file. Creates it if it is missing.
+/// Checks whether [`run`](crate::service::run) can use a state file, and creates the file if it is missing. Call this at the start, before slow work.
 ///
 /// # Errors
 ///
@@ -183,12 +184,12 @@ impl StateFile {
         Ok(file)
     }
 
-    /// Error for unusable content of the file.
+    /// Returns the error for unusable content of the file.
     pub(crate) fn content(&self, problem: String) -> StateError {
         StateError::Content { path: self.path.clone(), problem }
     }
 
-    /// Works with the database, and opens it again if an error of the disk, such as a full one, has closed it.
+    /// Works with the database. If a disk error, such as a full disk, has closed the database, opens it again.
     fn work<T>(&self, job: impl FnOnce(&Database) -> Result<T, redb::Error>) -> Result<T, StateError> {
         let mut held = self.database.lock().unwrap_or_else(PoisonError::into_inner);
         let was_closed = held.is_none();
@@ -206,7 +207,8 @@ impl StateFile {
         result.map_err(|source| StateError::Access { path: self.path.clone(), source: Box::new(source) })
     }
 
-    /// Ensures that the path still leads to the open file: changes in a file without a name would be lost. A file that was removed is written again.
+    /// Ensures that the path still leads to the open file, because changes in a file without a name would be lost. A file that was removed is written
+    /// again.
     fn keep_in_place(&self) -> Result<(), StateError> {
         let mut held = self.database.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(Open { database, file }) = &*held else { return Ok(()) };
@@ -308,7 +310,7 @@ fn opened(path: &Path, open: &Opener) -> Result<Open, StateError> {
     Ok(Open { database, file })
 }
 
-/// All entries of a table; none if it does not exist yet.
+/// Returns all entries of a table; none if the table does not exist yet.
 fn entries(
     database: &Database,
     table: TableDefinition<'_, &str, &[u8]>,
@@ -355,7 +357,7 @@ mod tests {
 
     use super::*;
 
-    /// A disk that fails while a flag is set, as a full one.
+    /// A disk that fails while a flag is set, as a full disk does.
     #[derive(Debug)]
     struct Disk {
         file: redb::backends::FileBackend,
@@ -432,7 +434,7 @@ mod tests {
         file.save_snapshot("important", &Saved::default()).unwrap();
         file.save_camera(&camera(1.0)).unwrap();
         if std::fs::remove_file(&path).is_err() {
-            // On Windows an open file keeps its name, so there is nothing to notice.
+            // On Windows an open file keeps its name, so there is nothing to detect.
             return;
         }
         file.save_snapshot("later", &Saved::default()).unwrap();
@@ -440,7 +442,7 @@ mod tests {
         let file = StateFile::open(&path).unwrap();
         assert_eq!(saved(&file), 1.0);
         assert_eq!(file.snapshots().unwrap().len(), 2);
-        // Another file in its place is left as it is.
+        // If another file has taken its place, that file stays unchanged.
         let backup = folder.path().join("backup.redb");
         std::fs::copy(&path, &backup).unwrap();
         std::fs::rename(&backup, &path).unwrap();
@@ -453,7 +455,7 @@ mod tests {
         assert_eq!(saved(&StateFile::open(&path).unwrap()), 3.0);
     }
 
-    /// Bytes at random places are overwritten: the file is refused, or its content is read.
+    /// Bytes at random places are overwritten: the file must be refused, or its content must be read.
     #[test]
     fn no_damage_ends_the_check_with_a_panic() {
         let folder = tempfile::tempdir().unwrap();
@@ -489,12 +491,12 @@ mod tests {
         std::fs::write(&path, b"not a database, but long enough to be examined").unwrap();
         let error = StateFile::open(&path).err().unwrap().to_string();
         assert!(error.contains("server.state") && error.contains("state.redb"), "{error}");
-        assert!(error.contains("damaged or no state file"), "{error}");
+        assert!(error.contains("damaged or not a state file"), "{error}");
         std::fs::remove_file(&path).unwrap();
         let file = StateFile::open(&path).unwrap();
         let error = StateFile::open(&path).err().unwrap();
         assert!(matches!(error, StateError::Open { .. }) && !error.is_damage(), "the file is open already: {error}");
-        // A good file that was cut, and one whose head was overwritten.
+        // Two damaged files: one that was truncated, and one whose head was overwritten.
         let good = std::fs::read(&path).unwrap();
         let mut overwritten = good.clone();
         overwritten[..4096].fill(0x5a);
@@ -506,7 +508,7 @@ mod tests {
         }
         let missing = StateFile::open(&folder.path().join("none/state.redb")).err().unwrap();
         assert!(!missing.is_damage(), "{missing}");
-        // A file of the previous version is upgraded; after that, an older program refuses it.
+        // A file of the previous version must be upgraded, and an older program must then refuse it.
         let mut file = file;
         for older in OLDER {
             file.put(STATE, &[(FORMAT, &[older])]).unwrap();

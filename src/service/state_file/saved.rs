@@ -33,7 +33,7 @@ pub(crate) struct TextView {
     glare: Option<String>,
     #[prost(string, optional, tag = "5")]
     tone_map: Option<String>,
-    /// Keys of the view's geometry if a client has set them; otherwise the configuration's apply.
+    /// Keys of the view's geometry if a client has set them; otherwise those of the configuration apply.
     #[prost(string, optional, tag = "6")]
     definition: Option<String>,
 }
@@ -84,14 +84,15 @@ impl Saved {
         }
     }
 
-    /// Returns the saved clock, advanced by the time since it was saved. If the machine's clock was set back since then, it continues from the saved
-    /// time.
+    /// Returns the saved clock, advanced by the time since it was saved. If the machine's clock was set back since then, the saved clock continues
+    /// from the saved time.
     pub(crate) fn clock(&self, set: SceneClock, time: &TimeSource) -> SceneClock {
         let saved_at = self.scene.as_ref().and_then(|scene| scene.time_told?.try_into().ok());
         saved_at.map_or(set, |told| SceneClock { since: time.heard(told).min(time.now()), ..set })
     }
 
-    /// Applies the saved values to a scene at the daemon's time `now`, whatever its revision. Logs the saved objects that no longer exist.
+    /// Applies the saved values to a scene at the daemon's time `now`, whatever the revision of the scene. Logs the saved objects that no longer
+    /// exist.
     pub(crate) fn applied(
         &self,
         scene: &SceneState,
@@ -109,7 +110,7 @@ impl Saved {
             let parts = ["grids", "trajectories", "labels", "cardinal_points", "test_patterns"];
             all.extend(parts.map(|part| format!("overlay.{part}")));
         }
-        // Older formats have only the place, which no client could change.
+        // In older formats, an observer has only its place, which no client could change.
         if self.scene.as_ref().and_then(|scene| scene.observer.as_ref()?.air).is_some() {
             all.push("observer".to_owned());
         }
@@ -127,14 +128,18 @@ impl Saved {
     }
 }
 
-/// Returns the saved scene without those pictures of an earlier configuration that the current one lacks: their files are not saved.
+/// Returns the saved scene without the pictures that come from an earlier configuration and that the current one lacks, because their files are not
+/// saved.
 fn without_lost_pictures(mut saved: proto::Scene, scene: &SceneState) -> proto::Scene {
     if let Some(overlay) = &mut saved.overlay {
         let there = &scene.objects.drawn.overlay.pictures;
         overlay.pictures.retain(|picture| {
             let is_known = picture.png.is_some() || there.iter().any(|known| known.name == picture.name);
             if !is_known {
-                tracing::info!("the configuration no longer has the picture `{}` of the overlay", picture.name);
+                tracing::info!(
+                    "the picture `{}` of the overlay is left out: the configuration no longer has it",
+                    picture.name
+                );
             }
             is_known
         });
@@ -142,7 +147,7 @@ fn without_lost_pictures(mut saved: proto::Scene, scene: &SceneState) -> proto::
     saved
 }
 
-/// The specification of a view that was kept; one without a type has no geometry.
+/// Returns the specification in a saved message. If the message has no type, the specification has no geometry.
 fn kept_spec(message: &proto::ViewDefinition) -> Result<ViewSpec, String> {
     let wrong = |error: KeyError| format!("view `{}`: {error}", message.name());
     if message.r#type.is_some() {
@@ -166,7 +171,7 @@ impl TextView {
     }
 }
 
-/// A message whose keys are TOML text.
+/// Reads a message from keys that are TOML text.
 fn parsed<M: DeserializeOwned>(view: &str, text: Option<&String>) -> Result<Option<M>, String> {
     text.map(|text| toml::from_str(text)).transpose().map_err(|error| format!("view `{view}`: {error}"))
 }
@@ -213,7 +218,7 @@ mod tests {
                     exposure_group = 'desk'\nexposure = { limiting_magnitude = 8.5 }\nglare = { fraction = 0.25 }";
         let expected = ViewSpec::from_toml(text).unwrap().0;
         assert_eq!(kept_spec(&older.message().unwrap()), Ok(expected.clone()));
-        // Without a geometry, in the current and in an older format.
+        // Views without a geometry, in the current format and in an older one.
         let without = TextView { definition: None, ..older.clone() };
         let kept = kept_spec(&without.message().unwrap()).unwrap();
         assert_eq!(kept, ViewSpec { geometry: kept.geometry.clone(), ..expected });

@@ -34,8 +34,7 @@ pub(crate) fn time_to_pb(time_s: f64) -> Option<Timestamp> {
 pub(crate) fn time_from_pb(time: Option<Timestamp>) -> Result<f64, String> {
     let time = time.ok_or("time: named by update_mask, but missing")?;
     if !TIMESTAMPS_S.contains(&time.seconds) || !(0..1_000_000_000).contains(&time.nanos) {
-        let allowed =
-            "a timestamp has the years 1 to 9999, with 0 to 999999999 nanoseconds; use time_j2000_s for others";
+        let allowed = "a timestamp must be within the years 1 to 9999 and have 0 to 999999999 nanoseconds; use time_j2000_s for other times";
         return Err(format!("time = {} s and {} ns: {allowed}", time.seconds, time.nanos));
     }
     Ok((time.seconds - J2000_UNIX_S as i64) as f64 + f64::from(time.nanos) * 1e-9)
@@ -120,7 +119,7 @@ pub(crate) fn body_from_pb(body: proto::Body) -> Result<BodyForm, String> {
         Ok::<_, String>(Emission {
             luminance_cd_m2: rgb_from_pb(Some(luminance_cd_m2)),
             limb_darkening: emission.limb_darkening,
-            // State files from before coronas lack this field.
+            // State files of versions without coronas lack this field.
             corona: emission.corona.unwrap_or(is_sun),
         })
     };
@@ -183,7 +182,7 @@ pub(crate) fn field_to_pb(form: &FieldSpec) -> proto::AsteroidField {
         shapes: match &form.shapes {
             ShapeSource::Procedural { seed } => Some(Shapes::ShapeSeed(*seed)),
             ShapeSource::OfField(name) => Some(Shapes::ShapesOf(name.clone())),
-            // Clients see no files: `Objects::field_specs` names the field.
+            // Clients do not see files; `Objects::field_specs` names the field that has them.
             ShapeSource::Files(_) => None,
         },
     }
@@ -192,7 +191,7 @@ pub(crate) fn field_to_pb(form: &FieldSpec) -> proto::AsteroidField {
 /// Reads a field without checking ranges.
 pub(crate) fn field_from_pb(field: proto::AsteroidField) -> Result<FieldSpec, String> {
     use proto::asteroid_field::{Placement as Wire, Shapes};
-    let placement = match field.placement.ok_or("placement is missing: it must be one of box, belt or ring")? {
+    let placement = match field.placement.ok_or("placement is missing: must be one of box, belt and ring")? {
         Wire::Box(given) => Placement::Box { size_m: needed_vector(given.size_m, "box.size_m")? },
         Wire::Belt(proto::BeltPlacement { inner_m, outer_m, height_m }) => {
             Placement::Belt { inner_m, outer_m, height_m }
@@ -223,8 +222,8 @@ pub(crate) fn field_from_pb(field: proto::AsteroidField) -> Result<FieldSpec, St
     })
 }
 
-/// Reads the part of a list that a mask's path names. `rest` is the path after the list's name: empty or `.NAME`.
-/// `given` are the items of the message.
+/// Reads the part of a list that a path of the mask names. `rest` is the path after the list's name: empty or `.NAME`. `given` contains the items of
+/// the message.
 pub(crate) fn add_change<M: Clone, T>(
     change: &mut Change<T>,
     list: &str,
@@ -238,7 +237,7 @@ pub(crate) fn add_change<M: Clone, T>(
         check_name(name).map_err(|error| format!("{list}: {error}"))?;
         read(message.clone()).map_err(|problem| format!("{list}.{name}: {problem}"))
     };
-    let both = || format!("update_mask: `{list}` names the whole list: use either it, or names below it");
+    let both = || format!("update_mask: `{list}` names the whole list: use either this path, or names below it");
     let Some(name) = rest.strip_prefix('.') else {
         if !change.is_nothing() {
             return Err(both());
@@ -334,7 +333,7 @@ mod tests {
             assert!((time_from_pb(time_to_pb(time_s)).unwrap() - time_s).abs() <= 1e-6, "{time_s}");
         }
         assert_eq!(time_to_pb(0.0), Some(Timestamp { seconds: 946_728_000, nanos: 0 }));
-        // The first and the last second that a timestamp carries, and their neighbours.
+        // The first and the last second that a timestamp can carry, and their neighbours.
         let [first_s, last_s] = [-63_082_324_800.0, 252_455_572_799.0];
         for time_s in [first_s, last_s] {
             assert_eq!(time_from_pb(time_to_pb(time_s)), Ok(time_s));
@@ -369,8 +368,8 @@ mod tests {
         };
         for (scene, paths, parts) in [
             (twice, &["bodies.mars"][..], &["bodies.mars", "more than once"][..]),
-            (with(mars()), &["bodies", "bodies.mars"], &["either it, or names"]),
-            (with(mars()), &["bodies.mars", "bodies"], &["either it, or names"]),
+            (with(mars()), &["bodies", "bodies.mars"], &["either this path, or names"]),
+            (with(mars()), &["bodies.mars", "bodies"], &["either this path, or names"]),
             (with(mars()), &["bodies.mars", "bodies.mars"], &["twice"]),
             (with(mars()), &["bodies."], &["name", "1 to 64"]),
             (with(mars()), &["bodies.mars.law"], &["name", "letters"]),

@@ -93,12 +93,12 @@ pub(crate) fn add_observer_change(
     given: Option<&proto::Observer>,
 ) -> Result<(), String> {
     let given = given.ok_or_else(|| format!("observer: named by update_mask as observer{rest}, but missing"))?;
-    // Check before copying: a message can hold two million points.
+    // Check this before copying, because a message can have two million points.
     let points = given.ground.as_ref().map_or(0, |ground| ground.horizon.len());
     if points > MOST_HORIZON_POINTS {
         return Err(format!("observer.ground.horizon: {points} points: there must be at most {MOST_HORIZON_POINTS}"));
     }
-    // A mask may repeat a field a thousand times: copy it only once.
+    // A mask may name a field a thousand times, so copy the value only once.
     let ground =
         |now: Option<GroundForm>| now.or_else(|| Some(ground_from_pb(given.ground.clone().unwrap_or_default())));
     match rest {

@@ -132,7 +132,7 @@ fn placed_to_pb(name: &str, anchor: Anchor, angles_rad: [f64; 2], opacity: f64) 
             azimuth_deg: azimuth_rad.to_degrees(),
             altitude_deg: altitude_rad.to_degrees(),
         })),
-        // Pictures are at directions.
+        // Pictures have directions, not positions.
         Anchor::Point(_) => None,
     };
     let (name, opacity) = (name.to_owned(), Some(opacity));
@@ -193,7 +193,9 @@ pub(crate) fn add_overlay_change(
     let given = given.unwrap_or(&none);
     if rest.is_empty() {
         if !change.is_nothing() {
-            return Err("update_mask: `overlay` names the whole overlay: use either it, or parts below it".to_owned());
+            return Err(
+                "update_mask: `overlay` names the whole overlay: use either this path, or parts below it".to_owned()
+            );
         }
         for part in [".grids", ".trajectories", ".labels", ".pictures", ".cardinal_points", ".test_patterns"] {
             add_overlay_change(change, part, Some(given))?;

@@ -1,9 +1,8 @@
 //! Error statuses with details that programs can read: the text states the problem and the valid values; the details
 //! (`google.rpc`) name the field, the revision, the limit, or the holder of the lease.
 //!
-//! A status is sent as headers: the text in one of them, text and details in another. Many clients and proxies accept 4 or
-//! 8 KiB of headers, and end the whole connection at more. [`bounded`] and all functions here keep a status below
-//! [`MOST_ENCODED`].
+//! A status is sent as headers: the text in one of them, text and details in another. Many clients and proxies accept at most 4 or 8 KiB of headers,
+//! and end the whole connection if there are more. [`bounded`] and all functions here keep a status below [`MOST_ENCODED`].
 
 use std::collections::HashMap;
 
@@ -15,23 +14,22 @@ use crate::service::scene::excerpts::{encoded_length, end_of, excerpt, start_of}
 /// Domain of the reasons in [`ErrorDetails`].
 const DOMAIN: &str = "steradian";
 
-/// Maximum bytes of text and details in the headers of an answer.
+/// Maximum size of text and details in the headers of an answer, bytes.
 pub(crate) const MOST_ENCODED: usize = 3 << 10;
-/// Maximum bytes of the text, percent-encoded. The details repeat it.
+/// Maximum length of the percent-encoded text, bytes. The details repeat the text.
 const MOST_TEXT: usize = 960;
-/// Maximum bytes of a quoted name in a text that is shortened.
+/// Maximum length of a quoted name in a shortened text, bytes.
 const MOST_QUOTED: usize = 96;
-/// Bytes that are kept at the start and at the end of a text that is still too long.
+/// Bytes that are kept at the start of a text that is still too long; `END` bytes are kept at its end.
 const START: usize = 600;
 /// See [`START`].
 const END: usize = 320;
-/// Maximum bytes of a description in details that are shortened: the status has the text anyway.
+/// Maximum length of a description in shortened details, bytes. The status contains the text anyway.
 const MOST_DESCRIPTION: usize = 240;
-/// Maximum bytes of names in details, not encoded. Valid names have at most 64 characters.
+/// Maximum length of a name in details before encoding, bytes. Valid names have at most 64 characters.
 const MOST_NAME: usize = 256;
 
-/// Shortens a text: first the quoted names in it, then its middle, because it starts with the problem and ends with
-/// the valid values.
+/// Shortens a text: first the quoted names in it, then its middle, because the start states the problem and the end states the valid values.
 fn short_text(text: String) -> String {
     if encoded_length(&text) <= MOST_TEXT {
         return text;
@@ -70,8 +68,8 @@ fn detailed(code: Code, problem: String, details: impl Fn(String) -> ErrorDetail
     Status::with_error_details(code, text, details(description))
 }
 
-/// Returns a status of any origin that is short enough for the headers of an answer. Details that are too long are left out; those made in this
-/// module never are.
+/// Shortens a status of any origin so that it fits into the headers of an answer. Details that are too long are left out; those that are made in this
+/// module are never too long.
 pub(crate) fn bounded(status: Status) -> Status {
     if encoded_bytes(&status) <= MOST_ENCODED {
         return status;
@@ -79,8 +77,8 @@ pub(crate) fn bounded(status: Status) -> Status {
     Status::new(status.code(), short_text(status.message().to_owned()))
 }
 
-/// A request that is invalid in every state of the daemon. If the text starts with a key and a colon or an equals sign,
-/// the details name that key as the field.
+/// Returns the status of a request that is invalid in every state of the daemon. If the text starts with a key and a colon or an equals sign, the
+/// details name that key as the field.
 pub(crate) fn invalid(problem: impl Into<String>) -> Status {
     let problem = with_short_numbers(problem.into());
     let Some(field) = field_of(&problem) else { return Status::invalid_argument(short_text(problem)) };
@@ -88,7 +86,7 @@ pub(crate) fn invalid(problem: impl Into<String>) -> Status {
     detailed(Code::InvalidArgument, problem, |problem| ErrorDetails::with_bad_request_violation(&field, problem))
 }
 
-/// Digits of a number that is written in full; longer ones are written with an exponent.
+/// Maximum number of digits of a number that is written in full. Longer numbers are written with an exponent.
 const MOST_DIGITS: usize = 21;
 
 /// Writes very large and very small numbers of a text with an exponent, except within names in backquotes.
@@ -125,14 +123,14 @@ fn field_of(problem: &str) -> Option<String> {
     (!key.is_empty() && key.chars().all(is_key)).then(|| key.replace('`', ""))
 }
 
-/// An item has another revision than the change was made for.
+/// Returns the status if an item has another revision than the change was made for.
 pub(crate) fn revision(problem: String, of: &str, expected: u64, found: u64) -> Status {
     let metadata = [("of", of.to_owned()), ("expected", expected.to_string()), ("found", found.to_string())];
     let metadata: HashMap<String, String> = metadata.map(|(key, value)| (key.to_owned(), value)).into();
     detailed(Code::Aborted, problem, |_| ErrorDetails::with_error_info("REVISION", DOMAIN, metadata.clone()))
 }
 
-/// Another client holds the lease of the camera.
+/// Returns the status if another client holds the lease of the camera.
 pub(crate) fn leased(problem: String, holder: &str) -> Status {
     let holder = short_name(holder);
     detailed(Code::FailedPrecondition, problem, |problem| {
@@ -140,25 +138,25 @@ pub(crate) fn leased(problem: String, holder: &str) -> Status {
     })
 }
 
-/// A shared resource, or the client's share of it, is exhausted.
+/// Returns the status if a shared resource, or the client's share of it, is exhausted.
 pub(crate) fn exhausted(of: &str, problem: impl Into<String>) -> Status {
     let details = |problem| ErrorDetails::with_quota_failure_violation(of, problem);
     detailed(Code::ResourceExhausted, problem.into(), details)
 }
 
-/// No item of a kind has this name.
+/// Returns the status if no item of a kind has this name.
 pub(crate) fn absent(kind: &str, name: &str, problem: String) -> Status {
     let name = short_name(name);
     detailed(Code::NotFound, problem, |problem| ErrorDetails::with_resource_info(kind, &name, "", problem))
 }
 
-/// An item of a kind with this name exists already.
+/// Returns the status if an item of a kind with this name exists already.
 pub(crate) fn present(kind: &str, name: &str, problem: String) -> Status {
     let name = short_name(name);
     detailed(Code::AlreadyExists, problem, |problem| ErrorDetails::with_resource_info(kind, &name, "", problem))
 }
 
-/// The caller lacks the role that a call requires.
+/// Returns the status if the caller lacks the role that a call requires.
 pub(crate) fn denied(problem: String, role: &str, needed: &str) -> Status {
     let metadata = HashMap::from([("role".to_owned(), role.to_owned()), ("needed".to_owned(), needed.to_owned())]);
     detailed(Code::PermissionDenied, problem, |_| ErrorDetails::with_error_info("ROLE", DOMAIN, metadata.clone()))
@@ -246,7 +244,7 @@ mod tests {
         assert!(text.starts_with("a: wrong y") && text.ends_with("y must be b") && text.contains(" ... "), "{text}");
         let status = absent("view", &"y".repeat(5000), "no view".to_owned());
         assert!(status.get_details_resource_info().unwrap().resource_name.ends_with("y..."));
-        // Names that clients may use are whole.
+        // Names that clients may use must not be shortened.
         let name = "\u{1f30c}".repeat(64);
         assert_eq!(
             leased("held".to_owned(), &name).get_details_precondition_failure().unwrap().violations[0].subject,

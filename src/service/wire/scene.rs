@@ -125,7 +125,7 @@ pub(crate) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
         if path == "time" || path == "time_j2000_s" {
             let is_other = |other: &String| other != path && (other == "time" || other == "time_j2000_s");
             if paths.iter().any(is_other) {
-                return Err("update_mask: time and time_j2000_s are the same: name only one of them".to_owned());
+                return Err("update_mask: time and time_j2000_s set the same value: name only one of them".to_owned());
             }
             let stamped = path == "time";
             let time_s = if stamped { time_from_pb(scene.time)? } else { time_from_j2000(scene.time_j2000_s)? };

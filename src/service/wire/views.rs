@@ -59,10 +59,10 @@ pub(crate) fn keys_from_pb<K: DeserializeOwned>(message: &impl Serialize, table:
     with_same_keys(message).map_err(within(table))
 }
 
-/// Type of the views that only a configuration can define, because clients cannot name files.
+/// Type of views that only a configuration can define, because clients cannot name files.
 const PROJECTOR: &str = "projector";
 
-/// Checks that clients may define views of this type; the error names them.
+/// Checks that clients may define views of this type; the error names the types that they may define.
 fn check_type(kind: Option<&str>) -> Result<(), KeyError> {
     let valid: Vec<&str> = VIEW_TYPES.into_iter().filter(|kind| *kind != PROJECTOR).collect();
     let problem = match kind {
@@ -80,7 +80,7 @@ pub(crate) fn spec_from_pb(message: &proto::ViewDefinition) -> Result<(ViewSpec,
     checked.map_err(|error| error.within(DEFINITION))
 }
 
-/// Returns the message of a specification, without packing: only `render` and `film` write files of views.
+/// Returns the message of a specification. It does not contain the packing, because only `render` and `film` write files of views.
 pub(crate) fn spec_to_pb(spec: &ViewSpec) -> Result<proto::ViewDefinition, KeyError> {
     ViewSpec { packing: PackingConfig::None, ..spec.clone() }.keys().map_err(|error| error.within(DEFINITION))
 }
@@ -97,7 +97,7 @@ where
 
 /// Returns a view's effective settings as messages, without its geometry.
 pub(crate) fn settings_to_pb(settings: &ViewSettings, stars: StarMethod) -> proto::View {
-    // Only a non-UTF-8 path fails to serialise; the glare is then left out.
+    // Only a non-UTF-8 path cannot be serialised; the glare is then left out.
     proto::View {
         exposure: with_same_keys(&ExposureKeys::with_effect(&settings.exposure, stars.is_relative())).ok(),
         glare: with_same_keys(&with_effect(&settings.glare)).ok(),
@@ -170,14 +170,14 @@ pub(crate) fn view_to_pb(number: usize, scene: &SceneState) -> proto::View {
 /// A change that a client asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum ViewChange {
-    /// Replacement by a specification.
+    /// The view is replaced by a specification.
     Replace(Box<ViewSpec>),
-    /// Change of some settings.
+    /// Some settings are changed.
     Update(Box<ViewUpdate>),
 }
 
-const IS_ALL: &str = "names the whole view: name no other field with it";
-const IS_WHOLE_TABLE: &str = "names the whole table: use either it, or keys below it";
+const IS_ALL: &str = "names the whole view: the mask must name no other field";
+const IS_WHOLE_TABLE: &str = "names the whole table: use either this path, or keys below it";
 
 /// Paths of a mask below one field.
 #[derive(Default)]
@@ -209,7 +209,7 @@ impl Paths<'_> {
     }
 }
 
-/// Returns the keys below a table that a mask may name; none: it is not a table.
+/// Returns the keys below a table that a mask may name; none if it is not a table.
 fn keys_below(table: &str) -> Vec<&'static str> {
     match table {
         "exposure" => ExposureKeys::NAMES.to_vec(),
@@ -573,8 +573,8 @@ mod tests {
             (&["name"], "`name` cannot be changed"),
             (&["glare.psf_file"], "`glare.psf_file` cannot be changed: files come only from the configuration"),
             (&["glare", "glare"], "`glare` is named twice"),
-            (&["glare", "glare.fraction"], "either it, or keys below it"),
-            (&["glare.fraction", "glare"], "either it, or keys below it"),
+            (&["glare", "glare.fraction"], "either this path, or keys below it"),
+            (&["glare.fraction", "glare"], "either this path, or keys below it"),
             (&["definition.colour"], "no field `definition.colour`"),
             (&["definition", "definition.size"], "names the whole view"),
             (&["glare", "definition"], "names the whole view"),

@@ -29,14 +29,14 @@ pub struct Projector<'a> {
     pub dome_from_view: DQuat,
     /// Its share of the light.
     pub blend: Option<&'a Blend>,
-    /// Factor by which its white is dimmed to that of the darkest projector, divided out of the sums of shares; 1: not
-    /// dimmed.
+    /// Factor that dims its white to that of the darkest projector; 1 if it is not dimmed. Sums of shares are computed
+    /// without this factor.
     pub dimmed_to: f64,
     /// The points of the screen in view axes, if the calibration has some.
     pub screen: Option<&'a ScreenSums>,
 }
 
-/// The part of the sphere that is screen.
+/// The part of a sphere that the screen covers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Dome {
     /// Angle across, degrees.
@@ -56,7 +56,7 @@ impl Dome {
 pub struct Finding {
     /// Name of the rule.
     pub rule: &'static str,
-    /// The projector; `None`: all of them together.
+    /// The projector; `None` if the rule is about all projectors together.
     pub projector: Option<String>,
     /// Whether the rule is satisfied.
     pub passed: bool,
@@ -92,7 +92,7 @@ pub struct ProjectorFigures {
 pub struct DomeReport {
     /// The dome.
     pub dome: Dome,
-    /// Fraction of the dome that at least one projector lights, and at least two.
+    /// Fractions of the dome that at least one projector lights, and that at least two projectors light.
     pub coverage: [f64; 2],
     /// Centre of the widest gap, as azimuth from the front to the right and elevation, and its radius, degrees; `None`
     /// without a gap.
@@ -103,9 +103,9 @@ pub struct DomeReport {
     pub projectors: Vec<ProjectorFigures>,
     /// All rules.
     pub findings: Vec<Finding>,
-    /// The light that the screen reflects back onto itself, if its reflectivity is known.
+    /// The effect of the light that the screen reflects back onto itself, if its reflectivity is known.
     pub cross_reflection: Option<CrossReflection>,
-    /// A picture of the dome.
+    /// Map with the results at each point of the dome.
     #[serde(skip)]
     pub map: DomeMap,
 }
@@ -113,9 +113,9 @@ pub struct DomeReport {
 /// Map of the dome as a domemaster, row by row from the top, with the front at the bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeMap {
-    /// Points per row, and number of rows.
+    /// Number of points per row, and number of rows.
     pub side: usize,
-    /// `None` beyond the rim.
+    /// The points; `None` beyond the rim of the dome.
     pub points: Vec<Option<MapPoint>>,
 }
 
@@ -126,7 +126,7 @@ pub struct MapPoint {
     pub projectors: usize,
     /// Sum of their shares of light.
     pub sum: f64,
-    /// Longer side of the finest pixel there, arcminutes.
+    /// Longer side of the finest of their pixels there, arcminutes.
     pub arcmin: f64,
 }
 
@@ -137,7 +137,7 @@ impl DomeReport {
     }
 }
 
-/// Position of a direction on a projector.
+/// Position of a direction in the raster of a projector.
 #[derive(Clone, Copy)]
 struct Hit {
     pixel: DVec2,
@@ -148,7 +148,7 @@ struct Hit {
 }
 
 impl Projector<'_> {
-    /// Position of a direction of the dome on this projector.
+    /// Returns the position of a direction of the dome in the raster of this projector.
     fn hit(&self, direction: DVec3) -> Option<Hit> {
         let direction = self.dome_from_view.inverse() * direction;
         let pixel = self.mapping.pixel_from_direction(direction)?;
@@ -163,7 +163,7 @@ impl Projector<'_> {
     }
 }
 
-/// Checks at least one projector.
+/// Checks a set of projectors, which must not be empty.
 pub fn check(dome: Dome, projectors: &[Projector<'_>]) -> DomeReport {
     let directions = sky::lattice(dome);
     let hits: Vec<Vec<Option<Hit>>> =

@@ -14,33 +14,33 @@ use super::Dome;
 pub struct CrossReflection {
     /// Fraction of the light that the screen reflects.
     pub reflectivity: f64,
-    /// Fraction of the sphere that is screen.
+    /// Fraction of the sphere that the screen covers.
     pub screen_share: f64,
-    /// Reflected light at every point, over the mean light from projectors.
+    /// Reflected light at every point, relative to the mean light from projectors.
     pub gain: f64,
     /// Contrast of a picture that is half white and half black.
     pub half_white_contrast: f64,
-    /// Increase of the exposure value for which the mean light on the dome equals that of the picture.
+    /// Increase of the exposure value after which the mean light on the dome equals that of the picture.
     pub mean_ev: f64,
-    /// Effect on one picture.
+    /// Effect on one picture, if one was given.
     pub picture: Option<GreyedPicture>,
 }
 
 /// A picture on the dome.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GreyedPicture {
-    /// Mean light, relative to white.
+    /// Mean light of the picture, relative to white.
     pub mean: f64,
-    /// Median: in a night picture, that of the sky between the stars.
+    /// Median of the light, relative to white. In a night picture, this is the light of the sky between the stars.
     pub median: f64,
-    /// Light reflected everywhere, relative to white: the resulting level of black.
+    /// Light that is reflected everywhere, relative to white. It is the resulting level of black.
     pub grey: f64,
-    /// Increase of the exposure value for which the median equals that of the picture; `None` if the median is black.
+    /// Increase of the exposure value after which the median on the dome equals that of the picture; `None` if the median is black.
     pub median_ev: Option<f64>,
 }
 
 impl CrossReflection {
-    /// Cross-reflection of a dome with a screen of this reflectivity, at least 0 and below 1.
+    /// Returns the cross-reflection of a dome whose screen has this reflectivity (at least 0 and below 1).
     pub fn new(dome: Dome, reflectivity: f64) -> Self {
         let screen_share = 0.5 * (1.0 - (0.5 * dome.fov_deg.to_radians()).cos());
         let back = screen_share * reflectivity;
@@ -55,8 +55,8 @@ impl CrossReflection {
         }
     }
 
-    /// Adds the effect on a picture: a domemaster (equidistant, as wide as the dome) with this side, row by row, light
-    /// relative to white.
+    /// Adds the effect on a picture, which is a domemaster (equidistant, as wide as the dome) with this side. `light`
+    /// has its rows from the top, relative to white.
     #[must_use]
     pub fn with_picture(self, dome: Dome, side: u32, light: &[f64]) -> Self {
         let half = 0.5 * f64::from(side);
@@ -94,8 +94,8 @@ mod tests {
 
     use super::*;
 
-    /// Radiosity of a cap of the sphere, element by element: the light reflected to each element from all others, over
-    /// the mean projected light.
+    /// Computes the radiosity of a cap of the sphere element by element. Returns the light that all other elements
+    /// reflect to each element, relative to the mean projected light.
     fn radiosity(fov_deg: f64, reflectivity: f64, thrown: impl Fn(DVec3) -> f64) -> Vec<f64> {
         const ELEMENTS: usize = 900;
         let end = (0.5 * fov_deg.to_radians()).cos();
@@ -108,9 +108,9 @@ mod tests {
             })
             .collect();
         let thrown: Vec<f64> = places.iter().map(|place| thrown(*place)).collect();
-        // Form factor cos cos / (pi d^2), from geometry.
+        // The form factor cos cos / (pi d^2), computed from the geometry.
         let form = |a: DVec3, b: DVec3| {
-            // An element relative to itself counts like any other.
+            // The form factor of an element with itself equals that of any two elements.
             if a == b {
                 return element_sr / (4.0 * PI);
             }

@@ -16,13 +16,13 @@ use crate::view::{
 
 /// Minimum fraction of the dome that must be lit.
 const LEAST_COVERAGE: f64 = 0.995;
-/// Largest deviation of the sum of shares from 1, at 99 of 100 directions.
+/// Largest deviation of the sum of shares from 1. One direction in a hundred may deviate more.
 const MOST_BLEND_ERROR: f64 = 0.02;
 /// Smallest span of a picture, degrees; below it the picture is considered collapsed.
 const LEAST_SPAN_DEG: f64 = 2.0;
-/// Two projectors with a larger common fraction show the same region.
+/// Above this common fraction, two projectors are considered to show the same region.
 const MOST_COMMON: f64 = 0.95;
-/// Largest ratio of the sizes of neighbouring pixels; above it the warp has facets.
+/// Largest ratio of the sizes of neighbouring pixels; above it, the warp has facets.
 const MOST_STEP: f64 = 1.02;
 /// Largest distance of the eye from the centre of the screen, relative to its radius: spectators sit within it.
 const MOST_OFF_CENTRE: f64 = 0.35;
@@ -31,18 +31,18 @@ const RADII_M: [f64; 2] = [0.5, 60.0];
 /// Largest rms deviation of the points from a sphere, relative to its radius; above it they belong to another kind of
 /// screen.
 const MOST_ROUGH: f64 = 0.03;
-/// Largest angle between the mean direction of the light and the dome's axis, degrees, if more than this fraction of
-/// the light falls beyond the rim.
+/// Largest angle between the mean direction of the light and the dome's axis, degrees. It applies if more than this
+/// fraction of the light falls beyond the rim.
 const MOST_LEAN_DEG: f64 = 4.0;
 const MOST_BEYOND: f64 = 0.05;
 /// Largest median ratio of the longer to the shorter side of pixels.
 const MOST_ASPECT: f64 = 1.7;
-/// Exponents that programs wrongly leave in masks, or apply twice.
+/// Exponents that some programs forget to remove from masks, or apply twice.
 const GAMMAS: [f64; 6] = [2.2, 1.0 / 2.2, 1.8, 1.0 / 1.8, 2.4, 1.0 / 2.4];
 /// Shares below this count as no light.
 const LEAST_SHARE: f64 = 0.01;
 
-/// The result, with a hint at the cause if the rule is violated.
+/// Returns the result, with a hint at the cause if the rule is violated.
 fn with_hint(found: String, passed: bool, hint: &str) -> String {
     if passed { found } else { format!("{found}: {hint}") }
 }
@@ -67,8 +67,8 @@ pub(super) struct DomeSamples<'a> {
 }
 
 impl DomeSamples<'_> {
-    /// Deviation from 1 of the sum of shares, at 99 of 100 lit directions. `share` computes the share of a projector
-    /// (by index) for a hit.
+    /// Returns the largest deviation of the sum of shares from 1, except at one in a hundred of the lit directions.
+    /// `share` computes the share of a projector (by index) for a hit.
     fn blend_error(&self, share: impl Fn(usize, &Hit) -> f64) -> f64 {
         let sum = |direction: usize| {
             let reached =
@@ -113,7 +113,7 @@ pub(super) fn coverage(samples: &DomeSamples<'_>, widest_gap_deg: Option<[f64; 3
     });
     let lit = samples.lit();
     let what =
-        format!("{:.2} % of the dome has light, must be at least {:.1} %{gap}", 100.0 * lit, 100.0 * LEAST_COVERAGE);
+        format!("{:.2} % of the dome has light; must be at least {:.1} %{gap}", 100.0 * lit, 100.0 * LEAST_COVERAGE);
     together("coverage", lit >= LEAST_COVERAGE, what)
 }
 
@@ -136,7 +136,7 @@ pub(super) fn rim(samples: &DomeSamples<'_>) -> Option<Finding> {
     let is_ring = inside_dark == 0 && parts.iter().all(|[dark, lit]| *dark > 2 * *lit);
     (is_ring && samples.lit() < LEAST_COVERAGE).then(|| {
         let what =
-            "the dark part is a ring along the rim: either the fields of view of the projectors are too small, or --dome-fov-deg is that of another dome";
+            "the dark part is a ring along the rim: either the fields of view of the projectors are too small, or --dome-fov-deg is not that of this dome";
         together("rim", false, what.to_owned())
     })
 }
@@ -148,7 +148,7 @@ pub(super) fn blend(samples: &DomeSamples<'_>) -> Vec<Finding> {
     let unblended = samples.projectors.iter().all(|projector| projector.blend.is_none());
     let why = if unblended && off > MOST_BLEND_ERROR { ": no projector has a blend mask" } else { "" };
     let what = format!(
-        "the sum of the shares of light differs from 1 by {off:.3} at the 99th percentile of the lit dome, must be at most {MOST_BLEND_ERROR}{why}{}",
+        "the sum of the shares of light differs from 1 by {off:.3} at the 99th percentile of the lit dome; must be at most {MOST_BLEND_ERROR}{why}{}",
         if off > MOST_BLEND_ERROR && !unblended { samples.where_off() } else { String::new() }
     );
     let mut findings = vec![together("blend", off <= MOST_BLEND_ERROR, what)];
@@ -158,8 +158,9 @@ pub(super) fn blend(samples: &DomeSamples<'_>) -> Vec<Finding> {
     let by_gamma = GAMMAS.map(|gamma| (samples.blend_error(|_, hit| hit.share.powf(gamma)), gamma));
     let best = by_gamma.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
     if let Some((_, gamma)) = best.filter(|(error, _)| *error <= MOST_BLEND_ERROR.max(0.25 * off)) {
-        let what =
-            format!("the shares would add up with the masks raised to the power {gamma:.2}: check gammaEmbedded");
+        let what = format!(
+            "the shares would add up to 1 if the masks were raised to the power {gamma:.2}: check gammaEmbedded"
+        );
         findings.push(together("gamma", false, what));
     }
     let swapped = pairs(samples.projectors.len()).filter_map(|[first, second]| {
@@ -177,13 +178,13 @@ pub(super) fn blend(samples: &DomeSamples<'_>) -> Vec<Finding> {
             b,
             "swapped",
             false,
-            format!("the shares would add up with the masks of `{}` and `{}` exchanged", a.name, b.name),
+            format!("the shares would add up to 1 if the masks of `{}` and `{}` were exchanged", a.name, b.name),
         )
     }));
     findings
 }
 
-/// Alpha of a mask that belongs to another raster.
+/// Returns the alpha of a mask at the corresponding pixel of another raster.
 fn at_share(blend: &Blend, mapping: &dyn PlaneMapping, pixel: DVec2) -> f64 {
     let [blend_size, own] = [blend.size(), mapping.size()].map(|[x, y]| DVec2::new(f64::from(x), f64::from(y)));
     blend.alpha_at(pixel * blend_size / own)
@@ -206,7 +207,7 @@ pub(super) fn black_level(samples: &DomeSamples<'_>) -> Option<Finding> {
         return None;
     }
     let what = format!(
-        "black is raised by {few:.5} of white where {fewest} projectors reach and by {many:.5} where {most} do: must be raised more where fewer projectors reach"
+        "black is raised by {few:.5} of white where {fewest} projectors reach and by {many:.5} where {most} reach; must be raised more where fewer projectors reach"
     );
     Some(together("black_level", many <= few, what))
 }
@@ -244,7 +245,7 @@ pub(super) fn tilt(samples: &DomeSamples<'_>) -> Finding {
             }
             let solid_angle_sr = projector.mapping.solid_angle_sr(pixel.x as u32, pixel.y as u32);
             let direction = projector.dome_from_view * direction;
-            // If several projectors reach the direction, each counts in part.
+            // If several projectors reach the direction, each counts as a fraction.
             let reaches = |other: &&Projector<'_>| other.hit(direction).is_some_and(|hit| hit.share >= LEAST_SHARE);
             let weight = solid_angle_sr / samples.projectors.iter().filter(reaches).count().max(1) as f64;
             sum += direction * weight;
@@ -254,7 +255,7 @@ pub(super) fn tilt(samples: &DomeSamples<'_>) -> Finding {
     }
     let lean_deg = sum.angle_between(axis).to_degrees();
     let beyond = beyond / f64::max(whole, f64::MIN_POSITIVE);
-    // In dome axes: towards the front, or away from it.
+    // In dome axes, the light leans to the front or away from it.
     let front = (sum.normalize_or_zero() - axis).dot(DVec3::NEG_Z);
     let side = if front > 0.0 { "front" } else { "back" };
     let what = format!(
@@ -286,18 +287,18 @@ pub(super) fn screen(projectors: &[Projector<'_>]) -> Vec<Finding> {
     };
     let centred = off_m <= most_m;
     let eye = format!(
-        "the eye is {position} of the screen, whose radius is {radius_m:.2} m; the distance must be at most {most_m:.2} m"
+        "the eye is {position} of the screen, whose radius is {radius_m:.2} m; its distance from the centre must be at most {most_m:.2} m"
     );
     let [least, most] = RADII_M;
     let sized = (least..=most).contains(&radius_m);
-    let unit = format!("the radius of the screen is {radius_m:.2} m, must be between {least} and {most} m");
+    let unit = format!("the radius of the screen is {radius_m:.2} m; must be between {least} and {most} m");
     vec![
-        together("eye", centred, with_hint(eye, centred, "is the eye point or the origin different?")),
-        together("unit", sized, with_hint(unit, sized, "is the unit different?")),
+        together("eye", centred, with_hint(eye, centred, "does the file have a different eye point or origin?")),
+        together("unit", sized, with_hint(unit, sized, "does the file have a different unit?")),
     ]
 }
 
-/// Points over a raster that have a direction, with that direction: at most `side` x `side`.
+/// Returns points spread over a raster, at most `side` x `side`, with their directions. Points without a direction are left out.
 fn places(mapping: &dyn PlaneMapping, side: u32) -> Vec<(DVec2, DVec3)> {
     let [width, height] = mapping.size();
     let coordinate = |index: u32, size: u32| (2 * index + 1) * size / (2 * side);
@@ -316,13 +317,18 @@ pub(super) fn for_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Fi
     let widest = |first: &DVec3| places.iter().map(|(_, other)| first.angle_between(*other)).fold(0.0, f64::max);
     let span_deg = places.first().map_or(0.0, |(_, first)| widest(first)).to_degrees();
     let spans = span_deg >= LEAST_SPAN_DEG;
-    let what = format!("the picture spans {span_deg:.1} degrees, must be at least {LEAST_SPAN_DEG}");
-    let what = with_hint(what, spans, "are offsets read as absolute values, or is the unit different?");
+    let what = format!("the picture spans {span_deg:.1} degrees; must be at least {LEAST_SPAN_DEG}");
+    let what = with_hint(
+        what,
+        spans,
+        "are these offsets that were read as absolute values, or does the file have a different unit?",
+    );
     findings.push(for_projector(projector, "span", spans, what));
     // `reaches`: the directions of the dome that fall on the raster.
     let on_dome = hits.iter().flatten().count();
     let what = match on_dome {
-        0 => "no part of it falls on the dome: are the axes different, or the rows upside down?".to_owned(),
+        0 => "no part of it falls on the dome: does the file have different axes, or are its rows upside down?"
+            .to_owned(),
         _ => format!("{:.1} % of the dome", 100.0 * on_dome as f64 / hits.len() as f64),
     };
     findings.push(for_projector(projector, "reaches", on_dome > 0, what));
@@ -331,17 +337,17 @@ pub(super) fn for_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Fi
     let share = |holds: &dyn Fn(&(bool, bool)) -> bool| {
         turns.iter().filter(|turn| holds(turn)).count() as f64 / turns.len().max(1) as f64
     };
-    // `mirrored`: by the majority of the points.
+    // `mirrored`: the majority of the points decides.
     let mirrored = share(&|(mirrored, _)| *mirrored);
     let downwards = share(&|(_, upwards)| !*upwards);
     let what = match (mirrored > 0.5, downwards > 0.5) {
         (true, true) => {
-            "the picture is mirrored and its upper border is low: are the rows upside down? (rows = \"bottom_first\" or \"top_first\")"
+            "the picture is mirrored, and its upper border is at the bottom: are the rows upside down? (rows = \"bottom_first\" or \"top_first\")"
         }
         (true, false) => {
             "the picture is mirrored: are the columns in the wrong order, or does an axis have the wrong sign? (axes = ...)"
         }
-        (false, _) => "the picture has the orientation as seen from inside",
+        (false, _) => "the picture has the right orientation, as seen from inside the dome",
     };
     findings.push(for_projector(projector, "mirrored", mirrored < 0.5, what.to_owned()));
     // `raster`: a wrong width or height stretches all pixels.
@@ -349,24 +355,24 @@ pub(super) fn for_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Fi
     let [_, aspect, _] = percentiles(aspects.map(|[longer, shorter]| longer / shorter).collect(), [0.5; 3]);
     let [width, height] = mapping.size();
     let shaped = aspect <= MOST_ASPECT;
-    let what = format!("the median aspect ratio of pixels is {aspect:.2}, must be at most {MOST_ASPECT}");
+    let what = format!("the median aspect ratio of pixels is {aspect:.2}; must be at most {MOST_ASPECT}");
     let what = with_hint(what, shaped, &format!("is the raster {width} x {height}?"));
     findings.push(for_projector(projector, "raster", shaped, what));
-    // `facets`: pixels of a smooth map change their size gradually.
+    // `facets`: in a smooth map, the size of pixels changes gradually.
     let (step, [x, y]) = largest_step(mapping);
     let smooth = step <= MOST_STEP;
     let what =
-        format!("a pixel is {step:.3} times as large as its neighbour at ({x}, {y}), must be at most {MOST_STEP}");
+        format!("a pixel is {step:.3} times as large as its neighbour at ({x}, {y}); must be at most {MOST_STEP}");
     findings.push(for_projector(
         projector,
         "facets",
         smooth,
-        with_hint(what, smooth, "the grid is coarse without splines, or noisy"),
+        with_hint(what, smooth, "the grid is too coarse for interpolation without splines, or its values are noisy"),
     ));
     findings
 }
 
-/// Whether the picture is mirrored at a pixel, and whether its rows go down, away from +y.
+/// Returns whether the picture is mirrored at a pixel, and whether its rows go down, away from +y.
 fn turn(mapping: &dyn PlaneMapping, pixel: DVec2, projector: &Projector<'_>) -> Option<(bool, bool)> {
     let direction_at = |by: DVec2| mapping.direction_from_pixel(pixel + by);
     let (here, right, down) =

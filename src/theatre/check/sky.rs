@@ -62,11 +62,12 @@ pub(super) fn percentiles(mut values: Vec<f64>, shares: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// Approximate centre and radius of the largest circle without light: the dark direction farthest from all lit ones.
+/// Returns the approximate centre and radius of the largest circle without light. The centre is the dark direction that is farthest from all lit
+/// directions.
 pub(super) fn widest_gap(directions: &[DVec3], counts: &[usize]) -> Option<[f64; 3]> {
     let lit: Vec<DVec3> = directions.iter().zip(counts).filter(|(_, count)| **count > 0).map(|(d, _)| *d).collect();
     let dark = directions.iter().zip(counts).filter(|(_, count)| **count == 0).map(|(d, _)| *d);
-    // A few hundred of them are enough to find the centre.
+    // A few hundred directions suffice to find the centre.
     let dark: Vec<DVec3> = dark.collect();
     let stride = dark.len().div_ceil(400).max(1);
     let radius =

@@ -11,8 +11,8 @@ use crate::view::{
 const DOME: Dome = Dome { fov_deg: 120.0, tilt_deg: 90.0 };
 const SIZE: [u32; 2] = [120, 220];
 
-/// Direction of a point of the raster (0 to 1): bands of the dome from one side to the other, with the upper border
-/// towards the far side of the zenith.
+/// Returns the direction of a point of the raster (0 to 1). Projectors show bands of the dome, from one side to the
+/// other, with the upper border beyond the zenith.
 fn band(from_deg: f64, to_deg: f64) -> impl Fn(f64, f64) -> DVec3 {
     move |u: f64, v: f64| {
         let across = (from_deg + (to_deg - from_deg) * u).to_radians();
@@ -103,13 +103,13 @@ fn each_mistake_violates_its_own_rule() {
     assert!(unblended.findings.iter().any(|finding| finding.what.contains("no projector has a blend mask")));
     let swapped = mistake(&|s| s.blends.swap(0, 1));
     assert_eq!(failed(&swapped), ["blend", "swapped"]);
-    // Offsets instead of directions: the whole picture near one point.
+    // Use offsets instead of directions: the whole picture is then near one point.
     let collapsed =
         mistake(&|s| s.warps[1] = warp(|u, v| (right()(0.5, 0.5) + 1e-2 * right()(u, v)).normalize(), 33, smooth));
     assert!(failed(&collapsed).contains(&"span"), "{:?}", failed(&collapsed));
     let twice = mistake(&|s| s.warps[1] = warp(band(-65.0, 5.0), 33, smooth));
     assert!(failed(&twice).contains(&"twice") && failed(&twice).contains(&"coverage"));
-    // Cells of different widths: the size of pixels jumps between them.
+    // Use cells of different widths: the size of pixels jumps between them.
     let uneven = |u: f64, v: f64| right()(u + 0.04 * (7.0 * u).sin(), v);
     let facets = mistake(&|s| s.warps[1] = warp(uneven, 9, Interpolation::Linear));
     assert!(failed(&facets).contains(&"facets"), "{:?}", failed(&facets));

@@ -22,8 +22,8 @@ const PLACE: DVec3 = DVec3::new(0.15, 0.1, -1.0);
 const ABSOLUTE_MAGNITUDE: f32 = 48.5;
 /// Number of pixels compared in each eye.
 const SAMPLES: usize = 800;
-/// Radius around the star's image that is left out, pixels: there the angle between the eyes matters even at a
-/// kilometre.
+/// Radius around the star's image within which pixels are left out, pixels. There, the angle between the eyes matters
+/// even at a kilometre.
 const APART_PX: f64 = 6.0;
 
 /// Measures a star 1 m in front of the eyes, at 1 km and at infinity.
@@ -56,7 +56,7 @@ pub(in crate::verify) fn two_eyes(context: &mut Context<'_>) -> Result<Vec<Figur
     let pairs: Vec<(f64, f64)> = near.iter().flatten().copied().collect();
     let (scale, scale_note) = context.glare_scale(&pairs)?;
     let scaled: Vec<(f64, f64)> = pairs.iter().map(|(found, expected)| (scale * found, *expected)).collect();
-    // Relative to the difference of the eyes, so that interchanged eyes have an error of 2.
+    // The error is relative to the difference between the eyes, so that interchanged eyes have an error of 2.
     let (mut off, mut all) = (0.0, 0.0);
     for [(left, of_left), (right, of_right)] in &near {
         let expected = of_left - of_right;
@@ -72,7 +72,7 @@ pub(in crate::verify) fn two_eyes(context: &mut Context<'_>) -> Result<Vec<Figur
         ),
         Figure::at_most("difference between the eyes", (off / all).sqrt(), 0.02, "relative"),
     ];
-    for (name, luminances) in [("at 1 km: between the eyes", kilometre?), ("at infinity", infinity?)] {
+    for (name, luminances) in [("star at 1 km: difference between the eyes", kilometre?), ("at infinity", infinity?)] {
         let between = worst(luminances.iter().map(|[left, right]| (left.0 / right.0 - 1.0).abs()));
         figures.push(Figure::at_most(name, between, 0.01, "relative"));
     }

@@ -1,4 +1,4 @@
-//! One sky cut in several ways: into the faces of a cube, into strips, and by a rolling head.
+//! One sky shown in several ways: cut into the faces of a cube, cut into strips, and seen with a rolling head.
 
 use std::f64::consts::TAU;
 
@@ -23,12 +23,12 @@ use crate::{
 
 /// Number of directions in which views are compared.
 const DIRECTIONS: usize = 400;
-/// Minimum distance of these directions from every star, pixels of the coarsest picture: nearer to a star, pixels of
+/// Minimum distance of these directions from every star, pixels of the coarsest picture. Nearer to a star, pixels of
 /// different shapes show different light.
 const APART_PX: f64 = 4.0;
 /// Number of stars in the sky.
 const STARS: usize = 40;
-/// Maximum size of a strip, bytes: 19 rows of 128 pixels of 16 bytes.
+/// Maximum size of a strip: 19 rows of 128 pixels of 16 bytes, bytes.
 const STRIP_BYTES: u64 = 128 * 16 * 19;
 
 fn whole_spheres() -> [(&'static str, ViewKind); 3] {
@@ -49,7 +49,7 @@ pub(in crate::verify) fn cut_into_faces(context: &mut Context<'_>) -> Result<Vec
         context.renderer.render(FrameRequest::new(&scene, &all).settings(&context.settings).wanted(Wanted::both()))?;
     let (between, upright) = between_views(&scene, &all, &frame, &*kernel)?;
 
-    // Two equal views of one frame have identical bits, on the display too.
+    // Two equal views of one frame have identical bits, including those of the display images.
     let of_view = |index: usize| frame.images.iter().filter(move |image| image.view == index);
     let pairs: Vec<_> = of_view(1).zip(of_view(3)).collect();
     let mut different = if pairs.is_empty() { f64::NAN } else { 0.0 };
@@ -68,15 +68,15 @@ pub(in crate::verify) fn cut_into_faces(context: &mut Context<'_>) -> Result<Vec
     Ok(vec![
         Figure::at_most("veil between cube, equirectangular and fisheye", between, 0.02, "relative"),
         Figure::at_most("between upright and rolled", of_roll, 0.02, "relative"),
-        Figure::at_most("pixels that differ between views alike", different, 0.0, ""),
+        Figure::at_most("pixels that differ between equal views", different, 0.0, ""),
         Figure::at_most("pixels that strips change", strips(context, &scene)?, 0.0, ""),
         Figure::at_most("exposure between views and rolls", exposures(context, &scene, &rolled)?, 1e-3, "EV"),
     ])
 }
 
-/// Ratios of scattered light to the kernel's prediction in directions far from every star, in world axes: the largest
-/// difference between views, and the means over the views. The prediction is for the pixel that shows the direction, so
-/// the size of pixels and the position of their centres do not matter.
+/// Compares the ratios of scattered light to the kernel's prediction in directions (world axes) far from every star.
+/// Returns the largest difference between views, and the means over the views. The prediction is for the pixel that
+/// shows the direction, so the size of pixels and the position of their centres do not matter.
 fn between_views(
     scene: &SceneSnapshot,
     rig: &Rig,
@@ -106,7 +106,7 @@ fn between_views(
     Ok((worst(differences), means))
 }
 
-/// Largest over smallest, minus 1; NaN if a value is NaN or all values are 0.
+/// Returns the ratio of the largest to the smallest value, minus 1; NaN if a value is NaN or all values are 0.
 fn largest_difference(values: &[f64]) -> f64 {
     worst(values.iter().flat_map(|a| values.iter().map(move |b| (a / b - 1.0).abs())))
 }
@@ -117,7 +117,7 @@ fn different_pixels(one: &FrameImage, other: &FrameImage) -> Result<f64, CheckEr
     Ok((pairs.count() + one.len().abs_diff(other.len())) as f64)
 }
 
-/// Draws with a limit on buffers as on an adapter that cannot hold a whole picture, and counts the pixels that differ.
+/// Draws with a limit on buffers, as on an adapter that cannot hold a whole picture. Counts the pixels that differ from pictures without that limit.
 fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, CheckError> {
     let rig = rig([("flat", flat(128, 90.0)), ("dome", fisheye(128, FisheyeMapping::Equidistant, 180.0))])?;
     let whole = context.render(scene, &rig)?;
@@ -131,8 +131,9 @@ fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, Check
     Ok(if whole.images.len() == cut.images.len() { different } else { f64::NAN })
 }
 
-/// Largest difference of the mean exposure between views of the whole sphere, each drawn alone, and between one of them
-/// and a rolling head, EV. It uses the scattered fraction of the settings, because the metered light includes stars.
+/// Returns the largest difference in mean exposure, EV, between views of the whole sphere, each drawn alone, and
+/// between one of them and its picture with the head rolled. It uses the scattered fraction of the settings, because
+/// the metered light includes stars.
 fn exposures(context: &mut Context<'_>, scene: &SceneSnapshot, rolled: &SceneSnapshot) -> Result<f64, CheckError> {
     context.settings.glare = context.glare.clone();
     context.settings.exposure = ExposureSettings::auto(Metering::Mean);

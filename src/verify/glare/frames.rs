@@ -24,8 +24,8 @@ use crate::{
 const PLACE: DVec3 = DVec3::new(-0.4, 0.7, -0.5);
 
 /// 22: moves a bright star in half-degree steps from 3 degrees inside of the border to 10 degrees outside. At fixed
-/// positions of the picture the ratio of the veil to the kernel's prediction, which changes as the star moves, must not
-/// jump.
+/// positions of the picture, the veil is divided by the kernel's prediction for the position of the star. This ratio
+/// must not jump.
 pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const STEPS: u32 = 26;
     let one_face = ViewKind::Cubemap { face_size: 128, faces: vec![Face::Front] };
@@ -41,7 +41,7 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
     let kernel = context.expected_kernel()?;
     let scene = snapshot(vec![star(PLACE, -4.0)]);
     context.scatter_all();
-    // One list per kind of view and fixed position in each image, over all steps.
+    // There is one list of ratios, over all steps, for each kind of view and each fixed position in an image.
     let mut ratios: Vec<(&str, Vec<f64>)> = Vec::new();
     for step in 0..=STEPS {
         let beyond_deg = -3.0 + 0.5 * f64::from(step);
@@ -69,7 +69,7 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
     }
     let figure = |(name, ..): &(&str, ViewKind, f64)| {
         let of_kind = ratios.iter().filter(|(kind, _)| kind == name);
-        // Relative to the veil before the star reaches the border.
+        // The ratios are relative to the veil before the star reaches the border.
         let jumps =
             of_kind.flat_map(|(_, ratios)| ratios.windows(2).map(|pair| ((pair[1] - pair[0]) / ratios[0]).abs()));
         Figure::at_most(format!("jump of the veil, {name}"), worst(jumps), 0.02, "relative")
@@ -77,7 +77,7 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
     Ok(kinds.iter().map(figure).collect())
 }
 
-/// Draws faint stars, then the Sun among them, then the faint stars again: no frame may show a remainder of the
+/// Draws faint stars, then the Sun among them, then the faint stars again. No frame may show a remainder of the
 /// previous one.
 pub(in crate::verify) fn night_to_sun(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const SAMPLES: usize = 200;
@@ -109,7 +109,7 @@ pub(in crate::verify) fn night_to_sun(context: &mut Context<'_>) -> Result<Vec<F
     }
     let mut figures = vec![
         Figure::at_most("values that are not finite", not_finite as f64, 0.0, ""),
-        Figure::at_most("pixels of the night that the day changes", changed as f64, 0.0, ""),
+        Figure::at_most("pixels of the night that differ after the day", changed as f64, 0.0, ""),
     ];
     if not_finite == 0 {
         for ((scene, frame), name) in scenes.iter().zip(&frames).zip(["night", "day"]) {

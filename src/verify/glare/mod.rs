@@ -1,14 +1,14 @@
-//! Glare: every view shows the light that the kernel scatters towards it, round in view space, complete, and also from
-//! sources beyond its borders.
+//! Glare: every view shows the light that the kernel scatters towards it. The light is round in view space, complete,
+//! and includes light from sources beyond the borders of the view.
 //!
-//! Most checks evaluate scattered light only: with a fraction of 1 a picture contains nothing else. The expected values
-//! come from [`crate::reference::glare::sky_cube`] for the eye of each image. Within two pixels of a source, scattered
-//! light cannot be distinguished from the source's own image; [`profile`] judges that region by its sum. Pyramids have
-//! a fixed kernel without settings and without a definite end: they are compared with the kernel of the settings after
-//! fitting one scale.
+//! Most checks evaluate only scattered light: with a fraction of 1, a picture contains nothing else. The expected
+//! values come from [`crate::reference::glare::sky_cube`] for the eye of each image. Within two pixels of a source,
+//! scattered light cannot be distinguished from the source's own image; [`profile`] judges that region by its sum.
+//! Pyramids have a fixed kernel, which has no settings and no definite end. They are compared with the kernel of the
+//! settings after fitting one scale.
 //!
-//! A scene is positioned by turning its views, not by moving it, and all views are in one rig if possible. Data that a
-//! method keeps between frames is thus kept, as in a running system.
+//! To place sources in a view, the view is turned and the scene stays the same. All views are in one rig if possible.
+//! Thus methods keep the data that they keep between the frames of a running system.
 
 mod eyes;
 mod faces;
@@ -46,12 +46,12 @@ use crate::{
 const UNRESOLVED_PX: f64 = 2.0;
 
 impl Context<'_> {
-    /// From now on frames contain only scattered light.
+    /// Changes the settings so that frames contain only scattered light.
     fn scatter_all(&mut self) {
         self.settings.glare = GlareSettings { fraction: 1.0, absolute: false, ..self.glare.clone() };
     }
 
-    /// Whether the method has a fixed kernel, so that one factor is fitted before it is judged.
+    /// Whether the method has a fixed kernel. If so, one factor is fitted before its light is judged.
     fn has_fixed_kernel(&self) -> bool {
         PyramidAxes::for_method(self.glare.chosen(self.method())).is_some()
     }
@@ -61,7 +61,7 @@ impl Context<'_> {
         Ok(self.expected_glare.kernel()?)
     }
 
-    /// Returns the factor for scattered light before it is judged, and a note about it.
+    /// Returns the factor by which scattered light is multiplied before it is judged, and a note about it for the figure.
     fn glare_scale(&self, pairs: &[(f64, f64)]) -> Result<(f64, &'static str), CheckError> {
         if self.has_fixed_kernel() { Ok((metrics::fitted_scale(pairs)?, ", after one scale")) } else { Ok((1.0, "")) }
     }
@@ -74,7 +74,7 @@ struct Picture<'a> {
     /// Pixels, turned to the axes of the camera.
     hdr: HdrView<'a>,
     view_image: &'a ViewImage,
-    /// Every source as seen by the image's eye, in the axes of the image.
+    /// Every source, as the eye of the image sees it, in the axes of the image.
     sources: Vec<SkyStar>,
 }
 

@@ -24,8 +24,9 @@ use crate::{
 };
 
 /// A pixel next to a source is left out if the source gives more than this share of the pixel's scattered light. The
-/// image of a source covers these pixels and its glare there cannot be distinguished from it, so methods may place the
-/// sum of that light anywhere among them; sources that add less than the limits do not matter.
+/// image of a source covers these pixels, and its glare cannot be distinguished from the image there. Methods may
+/// therefore distribute the sum of that light among these pixels in any way. Sources that add less than the limits do
+/// not matter.
 const UNRESOLVED_SHARE: f64 = 0.05;
 /// Number of stars visible without a telescope.
 const STARS: usize = 9000;
@@ -49,7 +50,7 @@ fn coloured(direction: DVec3, magnitude: f32, index: usize) -> StarRecord {
     StarRecord { temperature_k: [3200.0, 5800.0, 9600.0, 20000.0][index % 4], ..star(direction, magnitude) }
 }
 
-/// Returns stars of magnitude -1.4 to 6.5; their number grows tenfold every two magnitudes.
+/// Returns stars of magnitude -1.4 to 6.5. Their number increases tenfold every two magnitudes.
 pub(super) fn sky() -> SceneSnapshot {
     let magnitude = |rank: usize| 6.5 - 2.0 * (STARS as f64 / (1.0 + rank as f64)).log10();
     let records = spiral(STARS).enumerate();
@@ -101,7 +102,7 @@ pub(super) fn compare(
     Ok(vec![
         Figure::at_most(format!("{name}: rms{scale_note}, {}", rms.1), rms.0, 0.02, "relative"),
         Figure::at_most(format!("largest, {}", largest.1), largest.0, 0.06, "relative"),
-        Figure::informative("left out next to sources", left_out as f64 / all as f64, "of the pixels"),
+        Figure::informative("pixels left out next to sources", left_out as f64 / all as f64, "of the pixels"),
     ])
 }
 

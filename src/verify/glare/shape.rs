@@ -21,12 +21,12 @@ use crate::{
 };
 
 /// Radii of circles around a star, in pixels at the centre of the picture. Interpolation between pixels adds 0.5 % to
-/// the deviation on the smallest.
+/// the deviation on the smallest circle.
 const CIRCLES_PX: [f64; 3] = [12.0, 20.0, 32.0];
-/// Direction of the star in camera axes: not a symmetric position of a cube.
+/// Direction of the star in camera axes. Its position relative to a cube is not symmetric.
 const PLACE: DVec3 = DVec3::new(0.3, 0.5, -0.8);
 
-/// 20: measures roundness on the axis and 45 and 60 degrees off it, at most 0.85 of the half field.
+/// 20: measures roundness on the axis and 45 and 60 degrees off it. These angles are limited to 0.85 of half the field of view.
 pub(in crate::verify) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     // Off the axis towards an edge, and towards a corner.
     let within = |half_deg: f64| {
@@ -63,7 +63,7 @@ pub(in crate::verify) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figu
     for (view, kind) in rig.views().iter().zip(of_kind) {
         let of_view: Vec<&Picture<'_>> = pictures.iter().filter(|picture| picture.name == view.name).collect();
         let pixel_rad = view.images[0].projection.middle_pixel_rad();
-        // The faces of a cube form one picture of the sky; two eyes are two pictures.
+        // The faces of a cube form one picture of the sky, but two eyes have two pictures.
         let together = if matches!(view.kind, ViewKind::Stereo { .. }) { 1 } else { of_view.len() };
         for some in of_view.chunks(together) {
             let some: Vec<HdrView<'_>> = some.iter().map(|picture| picture.hdr).collect();
@@ -123,7 +123,7 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
         let [least, most] = between_deg.map(f64::to_radians);
         let edges: Vec<f64> =
             (0..=RINGS).map(|i| least * (most / least).powf(f64::from(i) / f64::from(RINGS))).collect();
-        // A tabulated kernel may end at a smaller angle.
+        // A tabulated kernel may end at an angle below 30 degrees.
         let lit = edges.partition_point(|edge| kernel.per_sr(*edge) > 0.0);
         rings.extend(metrics::radial_profile(&[picture.hdr], PLACE.normalize(), &edges[..lit], |angle| {
             light_lx * kernel.per_sr(angle)
@@ -138,8 +138,9 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
         rings.iter().map(|ring| Annulus { luminance_cd_m2: ring.expected_cd_m2, ..*ring }).collect();
     let kernel_slope = metrics::log_log_slope(&expected_rings, all)?;
 
-    // The whole sphere receives all scattered light, with the star on a corner of pixels and elsewhere. Pixels are a
-    // third of a degree wide; the wider they are, the more of that light lies in the few pixels around the star.
+    // The whole sphere receives all scattered light, wherever the star is: on a corner of pixels in one view, elsewhere
+    // in other views. Pixels are a third of a degree wide. The wider they are, the more of the scattered light lies in
+    // the few pixels around the star.
     let kinds = [("cube", cube(256)), ("equirectangular", ViewKind::Equirectangular { size: [1024, 512] })];
     let mut views = Vec::new();
     for (name, kind) in &kinds {
@@ -150,7 +151,7 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
     let lights = context.light_lx(&scene, &Rig::new(views)?)?;
     let scattered = worst(lights.iter().map(|lx| (lx / light_lx - 1.0).abs()));
 
-    // The unscattered light forms the star's own image.
+    // The light that is not scattered forms the star's own image.
     let fraction = context.glare.fraction_scattered();
     context.settings.glare = context.glare.clone();
     let frame = context.render(&scene, &flat_rig)?;
@@ -161,12 +162,13 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
         Figure::at_most("off the kernel's", (slope - kernel_slope).abs(), 0.01, ""),
         Figure::at_most(format!("{which}largest error{scale_note}"), largest, 0.02, "relative"),
         Figure::at_most("scattered light", scattered, 5e-3, "relative"),
-        Figure::at_most("light of the own image", own, 5e-3, "relative"),
+        Figure::at_most("light of the star's own image", own, 5e-3, "relative"),
     ])
 }
 
-/// Returns the light near the star in the picture with the smallest pixels, lx, and the kernel's share of the scattered light there. If pixels are
-/// wider than the plateau, more of that share lies within them than is left at the end.
+/// Returns the light near the star in the picture with the smallest pixels, lx, and the kernel's share of the scattered light there. Small pixels are
+/// needed: if pixels are wider than the kernel's plateau, more scattered light lies within them than the light that remains after this share is
+/// subtracted.
 fn own_image(
     scene: &SceneSnapshot,
     rig: &Rig,

@@ -43,7 +43,7 @@ fn grey(direction: DVec3, radii_m: DVec3, albedo: f64) -> Body {
     Body { surface, ..black("body", direction.normalize() * DISTANCE_M, radii_m) }
 }
 
-/// Returns the light of a scene's body at the camera, lx; the fault applies to this truth.
+/// Returns the true light of a scene's body at the camera, lx. The fault is applied to it.
 fn expected_lx(scene: &SceneSnapshot, fault: Fault) -> f64 {
     let of_body = |body: &Arc<Body>| {
         let mut body = body.as_ref().clone();
@@ -132,12 +132,12 @@ pub(in crate::verify) fn shrinks(context: &mut Context<'_>) -> Result<Vec<Figure
             0.01,
             "relative",
         ),
-        Figure::at_most("jump of light in a step", worst(jumps), 0.01, "relative"),
+        Figure::at_most("jump of the light in a step", worst(jumps), 0.01, "relative"),
         Figure::at_most("middle", worst(middles.iter().flatten().map(|offset| offset.length())), 0.05, "px"),
     ])
 }
 
-/// Transit: exactly the stars behind the body are missing from each picture.
+/// Transit: in each picture, exactly the stars behind the body must be missing.
 pub(in crate::verify) fn hides_stars(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let stars: Vec<DVec3> = spiral(40_000).collect();
     let sky = Arc::new(StarSet::from_records(stars.iter().map(|direction| star(*direction, 6.0)).collect()));
@@ -180,7 +180,7 @@ pub(in crate::verify) fn hides_stars(context: &mut Context<'_>) -> Result<Vec<Fi
     }
     Ok(vec![
         Figure::informative("stars behind bodies", hidden_stars as f64, ""),
-        Figure::at_most("stars rendered or hidden wrongly", wrong as f64, 0.0, ""),
+        Figure::at_most("stars wrongly drawn or hidden", wrong as f64, 0.0, ""),
         Figure::at_most("light of hidden stars", worst(light), 1e-3, "relative"),
     ])
 }

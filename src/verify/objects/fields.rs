@@ -1,5 +1,5 @@
-//! The light of asteroid fields: as meshes, impostors and points, in every projection and over its seams, and with
-//! occlusion.
+//! The light of asteroid fields, drawn as meshes, impostors and points: in every projection, across the seams of
+//! projections, and with occlusion.
 
 use std::sync::{Arc, OnceLock};
 
@@ -52,7 +52,7 @@ fn small() -> Result<Arc<Instances>, CheckError> {
     if let Some(known) = SMALL.get() {
         return Ok(known.clone());
     }
-    // They cover a hundredth of their box, so that they rarely hide each other: points hide nothing.
+    // The asteroids cover a hundredth of their box, so that they rarely hide each other. This matters because points do not hide anything.
     let made = instances(12, 200.0, [2.0, 6.0])?;
     Ok(SMALL.get_or_init(|| made).clone())
 }
@@ -104,7 +104,7 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
         [("fine", 3e-4), ("medium", 8e-4), ("coarse", 2e-3), ("points", 6e-3), ("far", 3e-2)];
     let windows = WINDOWS.map(|(name, pixel_rad)| (name, window((0.3 / pixel_rad).ceil() as u32, pixel_rad, 0.0)));
     let finest = context.finest();
-    // Sampling errors at edges matter as little as possible.
+    // Use many samples, so that sampling errors at edges matter as little as possible.
     let settings = AsteroidSettings { samples: 4, ..context.settings.asteroids.clone() };
     let truth_rig = rig([windows[0].clone()])?;
     let ahead: Vec<(&str, ViewKind)> = vec![
@@ -117,9 +117,9 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
     let names: Vec<&str> = kinds.iter().map(|(name, _)| *name).collect();
     let rig = rig(kinds)?;
     let mut figures = Vec::new();
-    // At full phase all of an outline is equally bright, so a point has exactly the light of its outline. Otherwise a
-    // point shines like a sphere, and single shapes differ from it by some tenths; the mean of twelve has an error of
-    // some per cent.
+    // At full phase, the whole outline is equally bright, so a point has exactly the light of its outline. At other
+    // phases, a point shines like a sphere. Single shapes differ from a sphere by some tenths, and the mean of twelve
+    // shapes differs by some per cent.
     for (phase, phase_rad, limit) in [("full phase", 1e-3, 0.02), ("40 deg phase", PHASE_RAD, 0.05)] {
         let truth_scene = lit(small()?, DVec3::NEG_Z, phase_rad, context.object_fault, Vec::new());
         let truth_lx = light_lx(context, &truth_scene, &truth_rig, DVec3::NEG_Z, finest.clone())?[0];
@@ -133,7 +133,7 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
     Ok(figures)
 }
 
-/// Measures large asteroids over the edges and corners of a cube, the date line and a pole of an equirectangular
+/// Measures large asteroids across the edges and corners of a cube, the date line and a pole of an equirectangular
 /// picture, and the rims of two round pictures back to back.
 pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let places = [
@@ -155,7 +155,7 @@ pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>,
     let views = kinds().map(|(name, kind, orientation)| View::new(name, kind, orientation, DVec3::ZERO));
     let rig_of_all = Rig::new(views.into_iter().collect::<Result<_, _>>()?)?;
     let finest = context.finest();
-    // Sampling errors at edges must not matter.
+    // Use many samples, because sampling errors at edges must not matter.
     let settings = AsteroidSettings { samples: 4, ..context.settings.asteroids.clone() };
     let mut figures = Vec::new();
     for (name, direction) in places {
@@ -175,7 +175,12 @@ pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>,
             // The rim of a round picture is a staircase: a pixel belongs to the picture if its centre does.
             let on_rim = kind == "two domes" && direction.z.abs() < 0.5;
             let limit = if on_rim { 0.04 } else { 0.02 };
-            figures.push(Figure::at_most(format!("error of light over the {name}, {kind}"), error, limit, "relative"));
+            figures.push(Figure::at_most(
+                format!("error of light across the {name}, {kind}"),
+                error,
+                limit,
+                "relative",
+            ));
         }
     }
     Ok(figures)
@@ -190,7 +195,7 @@ pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figu
     let rig_of_windows = rig(kinds())?;
     let open_lx =
         context.light_lx(&lit(small()?, DVec3::NEG_Z, PHASE_RAD, Fault::NONE, Vec::new()), &rig_of_windows)?;
-    // In front of the asteroids the body covers all of them, behind them none.
+    // A body in front of the asteroids covers all of them. A body behind them covers none.
     let radius = context.object_fault.radius;
     let body = |distance_m: f64, radius_m: f64| black("body", DVec3::NEG_Z * distance_m, DVec3::splat(radius_m));
     let before = lit(small()?, DVec3::NEG_Z, PHASE_RAD, Fault::NONE, vec![body(700.0, 160.0 / radius)]);
@@ -203,7 +208,7 @@ pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figu
         figures.push(Figure::at_most(format!("change of {name} in front of a body"), change, 0.01, "relative"));
     }
 
-    // A grid of stars behind one asteroid: as a mesh, and at the distance where only its impostor is drawn.
+    // Draw a grid of stars behind one asteroid: as a mesh, and at the distance where only its impostor is drawn.
     let single = rig([("window", window(96, 2e-3, 0.0))])?;
     let image = &single.views()[0].images[0];
     let detail = Detail::new(&context.settings.asteroids, &image.projection, DVec3::NEG_Z, 0.0);

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::view::{Rig, View, ViewKind};
 
-/// Pixel of the windows, rad.
+/// Angle of a pixel of the windows, rad.
 const PIXEL_RAD: f64 = 1e-3;
 /// Number of tested orientations of the asteroid.
 const ORIENTATIONS: usize = 6;
@@ -54,12 +54,13 @@ fn movements() -> Vec<Movement> {
     ]
 }
 
-/// Compares silhouettes with the finest mesh after each movement, at the smallest distance of impostors; also checks
-/// that the picture turns with the head: turning a square picture back by a quarter turn is exact.
+/// Compares silhouettes with the finest mesh after each movement, at the smallest distance at which impostors are
+/// drawn. Also checks that the picture turns with the head. For this, a square picture is turned back by a quarter
+/// turn, which is exact.
 pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let movements = movements();
-    // The quality setting may start impostors near, so the window grows with it; an even size puts the axis between
-    // pixels.
+    // With some quality settings, impostors start near the eye, so the size of the window depends on this setting. An
+    // even size puts the axis between pixels.
     let side = 2 * (24.0 / context.settings.asteroids.quality.min(1.0)).ceil() as u32;
     let view = |index: usize, movement: &Movement| {
         let kind: ViewKind = window(side, PIXEL_RAD, movement.off_axis_rad);
@@ -97,15 +98,16 @@ pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>,
         Figure::at_most(format!("1 - IoU, {}", movement.name), worst(differing), 0.05, "")
     };
     let mut figures: Vec<Figure> = movements.iter().zip(differing).map(figure).collect();
-    // After the turn, rows of samples lie where columns were; only rounding of samples at an edge remains.
+    // After the turn, rows of samples are where columns were. The only remaining differences are roundings of samples at an edge.
     figures.push(Figure::at_most("1 - IoU, rolled back by 90 deg", worst(turned), 0.01, ""));
     Ok(figures)
 }
 
-/// Turns a square picture upright that was seen with the head rolled to the left by a quarter turn: its right side is the upper side.
+/// Turns a square picture upright that was drawn with the head rolled to the left by a quarter turn. The right side of this picture becomes the upper
+/// side.
 fn rolled_back(pixels: &[f64], side: usize) -> Vec<f64> {
     let pixel = |x: usize, y: usize| pixels.get(y * side + x).copied().unwrap_or(f64::NAN);
-    // Look up the upright pixel (x, y) in the turned axes, whose right is up.
+    // Look up the upright pixel (x, y) in the turned axes, in which right is up.
     (0..side * side).map(|index| pixel(side - 1 - index / side, index % side)).collect()
 }
 
@@ -115,8 +117,8 @@ mod tests {
 
     #[test]
     fn head_rolled_left_sees_the_top_on_the_right() {
-        // Upright: 1 at the top left, 2 at the top right, 3 and 4 below. After the roll to the left, the view's right
-        // is up in the world.
+        // The upright picture has 1 at the top left, 2 at the top right, and 3 and 4 below. After the roll to the left,
+        // the right side of the view is up in the world.
         let rolled = [3.0, 1.0, 4.0, 2.0];
         assert_eq!(rolled_back(&rolled, 2), vec![1.0, 2.0, 3.0, 4.0]);
     }

@@ -1,8 +1,8 @@
-//! Bodies and asteroids: their light, their outlines, occlusion, and replacements of meshes.
+//! Bodies and asteroids: checks of their light, of their outlines, of occlusion, and of everything that replaces meshes.
 //!
 //! The truth of an asteroid is its finest mesh, drawn with 4 x 4 samples per pixel; the truth of a body's light is the
-//! integral over its disc in f64 ([`crate::plan::bodies::light`]). The allowed difference of impostors, levels of
-//! detail and points follows from the half pixel that the plan guarantees. The settings select the methods under test:
+//! integral over its disc in f64 ([`crate::plan::bodies::light`]). The limits for impostors, levels of detail and
+//! points follow from the half pixel that the plan guarantees. The settings select the methods under test:
 //! `asteroids.impostor`, `asteroids.quality` and others.
 
 mod bodies;

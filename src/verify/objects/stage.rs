@@ -1,9 +1,9 @@
-//! A stage for single asteroids: up to 64 of them, each in front of a separate eye, in front of a bright wall or in the
-//! light of a sun.
+//! A stage for single asteroids. It has up to 64 asteroids, each in front of a separate eye. They are in front of a
+//! bright wall or in the light of a sun.
 //!
-//! Black asteroids in front of a wall of 1 cd/m^2 show their silhouettes, however they are drawn: they cover the
-//! missing part of the wall. Every scene has the same number of fields with the same instances and shapes, so that
-//! atlases are baked once.
+//! Black asteroids in front of a wall of 1 cd/m^2 show their silhouettes, by whichever method they are drawn: the
+//! silhouette is the missing part of the wall. Every scene has the same number of fields, with the same instances and
+//! shapes, so that atlases are baked only once.
 
 use std::{
     f64::consts::PI,
@@ -51,12 +51,12 @@ const SUN_M: f64 = 1e11;
 /// Geometric albedo of lit asteroids.
 pub const ALBEDO: f64 = 0.2;
 
-/// Difference between the truth and the drawn objects: none, unless a test makes a check fail.
+/// Difference between the truth and the drawn objects. There is none unless a test makes a check fail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
-    /// Factor of albedos.
+    /// Factor on albedos.
     pub albedo: f64,
-    /// Factor of the radii of bodies.
+    /// Factor on the radii of bodies.
     pub radius: f64,
     /// Shift of asteroids to the right of the camera, mean radii.
     pub shift: f64,
@@ -85,7 +85,7 @@ pub enum Light {
     Sun(DVec3),
 }
 
-/// Returns a set with only the most elongated shape, whose orientation is most visible.
+/// Returns a set with only the most elongated shape, because its orientation is the most visible.
 pub fn shape() -> Arc<ShapeSet> {
     static SHAPE: OnceLock<Arc<ShapeSet>> = OnceLock::new();
     let longest = || {
@@ -198,7 +198,7 @@ pub fn scene(posed: &[Posed], light: Light, fault: Fault) -> SceneSnapshot {
     scene_of(vec![body], (0..PLACES).map(field).collect())
 }
 
-/// Position of the eye for a place of the stage, camera axes, m: on a grid of eight by eight.
+/// Returns the position of the eye for a place of the stage, camera axes, m. The eyes form a grid of eight by eight.
 pub fn eye_m(place: usize, spacing_m: f64) -> DVec3 {
     let along = |index: usize| (index as f64 - 3.5) * spacing_m;
     DVec3::new(along(place % 8), along(place / 8), 0.0)
@@ -217,7 +217,7 @@ pub fn window(side: u32, pixel_rad: f64, off_axis_rad: f64) -> ViewKind {
     ViewKind::OffAxis { size: [side; 2], fov }
 }
 
-/// Distances at which detail is reduced, for an asteroid of the stage in a direction (view axes, unit) of a picture.
+/// Distances at which detail is reduced, for an asteroid of the stage that is seen in a direction (view axes, unit) of a picture.
 pub struct Detail {
     /// Angle of a pixel there divided by the quality, rad.
     allowed_rad: f64,
@@ -235,18 +235,18 @@ impl Detail {
         Self { allowed_rad: pixel_rad / settings.quality, impostor: impostor_reach(settings, eyes_m) }
     }
 
-    /// Distance from which only its impostor is drawn, m; without impostors only its coarsest mesh.
+    /// Distance from which on only its impostor is drawn, or only its coarsest mesh if there are no impostors, m.
     pub fn nearest_m(&self) -> f64 {
         let coarsest = || {
             let error = shape().shapes.iter().flat_map(|shape| &shape.lods).map(|lod| lod.error).fold(0.0, f64::max);
             2.0 * error * RADIUS_M / self.allowed_rad
         };
         let start_m = self.impostor.map_or_else(coarsest, |reach| reach.start_m(bound_m(), self.allowed_rad));
-        // Slightly beyond the end of the fade.
+        // This is slightly beyond the end of the fade.
         start_m * (1.0 + BAND) * 1.001
     }
 
-    /// Distance from which it is partly drawn as a point, m.
+    /// Distance from which on it is partly drawn as a point, m.
     pub fn points_m(&self) -> f64 {
         RADIUS_M / self.allowed_rad
     }
@@ -258,8 +258,8 @@ impl Context<'_> {
         AsteroidSettings { finest_only: true, samples: 4, ..self.settings.asteroids.clone() }
     }
 
-    /// Renders the asteroids of the stage twice, with the settings and in full detail. Both have 4 x 4 samples per pixel, so that sampling of edges
-    /// does not matter. The second frame is the truth.
+    /// Renders the asteroids of the stage twice: with the settings, and in full detail. The second frame is the truth. Both frames have 4 x 4 samples
+    /// per pixel, so that the sampling of edges does not matter.
     pub(super) fn drawn_and_true(
         &mut self,
         posed: &[Posed],
@@ -276,8 +276,8 @@ impl Context<'_> {
     }
 }
 
-/// Coverage of a wall of 1 cd/m^2 by an asteroid: for each pixel within an angle of a direction (view axes) the covered
-/// share of its solid angle, sr; 0 elsewhere.
+/// Returns how much of a wall of 1 cd/m^2 an asteroid covers. For each pixel within an angle of a direction (view
+/// axes), this is the covered part of its solid angle, sr. For other pixels it is 0.
 pub fn silhouette(
     image: &FrameImage,
     view_image: &ViewImage,

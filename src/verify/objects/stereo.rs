@@ -1,4 +1,4 @@
-//! Two eyes see an asteroid that recedes through all thresholds of detail, from its finest mesh to a point.
+//! Two eyes see an asteroid that recedes, through all levels of detail from its finest mesh to a point.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -16,11 +16,11 @@ use crate::{
 
 /// Angle of a pixel, rad.
 const PIXEL_RAD: f64 = 3e-3;
-/// Nearest distance, mean radii: there the finest mesh is correct.
+/// Nearest distance, mean radii. At this distance, the finest mesh is the correct level of detail.
 const NEAREST: f64 = 14.0;
 /// Growth of the distance from one step to the next.
 const GROWTH: f64 = 1.04;
-/// Distance between the eyes, mean radii: disparity determines where impostors start, and is many pixels there.
+/// Distance between the eyes, mean radii. Disparity determines where impostors start, and is many pixels there.
 const EYES: f64 = 1.0;
 /// Sub-pixel positions at which each step is seen.
 const SUB_PIXEL: [DVec2; 4] =
@@ -29,7 +29,7 @@ const SUB_PIXEL: [DVec2; 4] =
 /// Light, lx, and centroid, px, of an asteroid in both eyes.
 type Measured = [(f64, DVec2); 2];
 
-/// A step at one sub-pixel position, drawn and true, and the largest correct disparity, px.
+/// A step at one sub-pixel position, as drawn and as in the truth, with its distance.
 struct Step {
     drawn: Measured,
     truth: Measured,
@@ -66,7 +66,7 @@ pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figu
     let closed = all().map(|step| {
         // Pixels of a flat window are evenly spaced in tangents.
         let expected = eyes_m / step.distance_m / PIXEL_RAD;
-        // The lit part, and so the centroid, lies up to a radius in front of or behind the asteroid's position.
+        // The lit part, and therefore the centroid, may be up to a radius nearer or farther than the asteroid's position.
         let depth = eyes_m / (step.distance_m - RADIUS_M) / PIXEL_RAD - expected;
         (disparity(&step.drawn) - expected).abs() - depth
     });
@@ -76,7 +76,8 @@ pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figu
     let mean = |figure: &dyn Fn(&Step) -> f64| -> Vec<f64> {
         steps.iter().map(|step| step.iter().map(figure).sum::<f64>() / step.len() as f64).collect()
     };
-    // With few samples per mesh, compare the light scaled by the squared distance with the light at many samples.
+    // Where the mesh has few samples, the true light is computed from the light at distances with many samples. It is inversely proportional to the
+    // squared distance.
     let squared = |step: &Step| step.distance_m * step.distance_m;
     let many_m = 0.4 * detail.points_m();
     let known = all().filter(|step| step.distance_m > many_m && step.distance_m < many_m * GROWTH.powi(3));
@@ -87,7 +88,7 @@ pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figu
         eyes(&step.drawn) / truth
     });
     let aside = [0, 1].map(|axis| mean(&|step: &Step| step.drawn[0].1[axis] - step.truth[0].1[axis]));
-    // Difference between the means of `some` steps and of as many preceding steps, per step.
+    // Returns the largest difference per step between the mean of `some` steps and the mean of as many preceding steps.
     let jumps = |values: &[f64], some: usize| {
         let means: Vec<f64> = values.windows(some).map(|window| window.iter().sum::<f64>() / some as f64).collect();
         worst(means.iter().zip(means.iter().skip(some)).map(|(before, after)| (after - before).abs() / some as f64))
@@ -103,17 +104,17 @@ pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figu
         Figure::informative("steps", steps.len() as f64, ""),
         Figure::at_most("disparity against the mesh", worst(error), 0.5, "px"),
         Figure::at_most(
-            "disparity against the closed form, beyond the depth of the asteroid",
+            "disparity against the closed form, in excess of the asteroid's depth",
             worst(closed),
             0.5,
             "px",
         ),
         Figure::at_most("difference in height", worst(vertical), 0.25, "px"),
         Figure::at_most("light of meshes and impostors", lost(&|distance_m| distance_m < points_m), 0.05, "relative"),
-        Figure::informative("of the point", lost(&|distance_m| distance_m >= 2.0 * points_m), "relative"),
+        Figure::informative("light of the point", lost(&|distance_m| distance_m >= 2.0 * points_m), "relative"),
         Figure::at_most("change of light in a step", jumps(&flux[..near], 3), 0.02, "relative"),
         // A point covers few samples at a diameter of one or two pixels, so average six steps.
-        Figure::at_most("while the point takes over", jumps(&flux[near..], 6), 0.02, "relative"),
+        Figure::at_most("change while the point replaces the mesh", jumps(&flux[near..], 6), 0.02, "relative"),
         Figure::at_most("middle against the mesh", off, 0.5, "px"),
         Figure::at_most("change of the middle in a step", jumps(&aside[0], 3).max(jumps(&aside[1], 3)), 0.1, "px"),
     ])
@@ -126,10 +127,10 @@ fn eyes(measured: &Measured) -> f64 {
 
 /// Measures asteroids in two eyes at distances and sub-pixel positions, drawn and true.
 fn measured(context: &mut Context<'_>, cases: &[(f64, DVec2)], eyes_m: f64) -> Result<Vec<[Measured; 2]>, CheckError> {
-    // Space the eyes by the field of the farthest asteroid.
+    // Separate the pairs of eyes by the width of the field of view at the farthest asteroid.
     let spacing_m = cases.iter().map(|(distance_m, _)| *distance_m).fold(0.0, f64::max) * 0.6 + 4.0 * eyes_m;
     let pose = |(index, (distance_m, place)): (usize, &(f64, DVec2))| Posed {
-        // On a plane, so that the depth equals the distance.
+        // The asteroids are on a plane, so that the depth equals the distance.
         place_m: eye_m(index, spacing_m) + DVec3::new(place.x * PIXEL_RAD, place.y * PIXEL_RAD, -1.0) * *distance_m,
         camera_from_shape: DQuat::from_euler(glam::EulerRot::XYZ, 0.5, 1.1, 0.3),
     };

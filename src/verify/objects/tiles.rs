@@ -1,5 +1,6 @@
-//! Checks which atlas pictures a method shows: their direction errors, how many are ever used, and how far the picture
-//! swings when an asteroid is tilted slightly. Runs on the CPU with the functions that the shaders are compared with.
+//! Checks which pictures of an atlas a method shows: the errors of their directions, how many of them are ever used,
+//! and how far the picture swings when an asteroid is tilted slightly. The checks run on the CPU, with the functions
+//! with which the shaders are compared.
 
 use std::{collections::BTreeSet, f64::consts::TAU};
 
@@ -22,7 +23,7 @@ use crate::plan::asteroids::{
 /// Number of tested orientations.
 const ORIENTATIONS: usize = 40_000;
 
-/// Returns rotations spread over all orientations: directions evenly, turns by the golden angle.
+/// Returns rotations spread over all orientations. Directions are spread evenly; the turns about them follow the golden angle.
 fn orientations(count: usize) -> impl Iterator<Item = DMat3> {
     spiral(count).enumerate().map(|(index, towards)| {
         let turn = DQuat::from_rotation_z((index as f64 * 0.618_033_988_749_895).fract() * TAU);
@@ -30,7 +31,7 @@ fn orientations(count: usize) -> impl Iterator<Item = DMat3> {
     })
 }
 
-/// Mean and maximum, degrees.
+/// Returns the mean and the maximum, degrees.
 fn mean_and_greatest_deg(angles_rad: impl Iterator<Item = f64>) -> [f64; 2] {
     let (mut sum, mut greatest, mut count) = (0.0, 0.0_f64, 0.0);
     for angle in angles_rad {
@@ -74,17 +75,17 @@ pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>,
         Figure::informative("tiles shown", shown.len() as f64, ""),
         Figure::at_most("share never shown", 1.0 - shown.len() as f64 / all, 0.0, ""),
         Figure::at_most(
-            "tilted by 0.06 deg near a pole, the atlas is entered",
+            "tilted by 0.06 deg near a pole, the lookup moves",
             swing_deg(method, tiles),
             0.1,
             "deg further",
         ),
-        Figure::at_most("narrower 35 deg off the axis", narrower(method), 0.01, "relative"),
+        Figure::at_most("loss of width 35 deg off the axis", narrower(method), 0.01, "relative"),
     ])
 }
 
-/// Returns by how many degrees the lookup position in an atlas and the turn of its picture move when an asteroid whose
-/// gimbal pole is 0.129 degrees from the eye is tilted by 0.06 degrees.
+/// Returns by how many degrees the lookup in an atlas changes: its position, and the turn of the picture. The asteroid,
+/// whose gimbal pole is 0.129 degrees from the eye, is tilted by 0.06 degrees.
 fn swing_deg(method: ImpostorMethod, tiles: u32) -> f64 {
     let (from_pole, tilt) = (0.129_f64.to_radians(), 0.06_f64.to_radians());
     if AtlasLayout::for_method(method) == Some(AtlasLayout::Euler) {
@@ -106,7 +107,7 @@ fn swing_deg(method: ImpostorMethod, tiles: u32) -> f64 {
     (direction.max(turn.unwrap_or(f64::NAN)) - tilt).to_degrees().max(0.0)
 }
 
-/// Returns by how much the span of a small square shrinks 35 degrees off the axis, relative to straight ahead.
+/// Returns by how much a small square is narrower 35 degrees off the axis than straight ahead, relative.
 fn narrower(method: ImpostorMethod) -> f64 {
     let (sin, cos) = 35.0_f64.to_radians().sin_cos();
     let middle = 1e4 * DVec3::new(sin, 0.0, -cos);

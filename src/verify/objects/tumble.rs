@@ -1,5 +1,5 @@
-//! A tumbling asteroid: its eye passes the poles of the shape, where an atlas of angles is singular, and the corners
-//! and folds of an octahedral map.
+//! A tumbling asteroid. In its axes, the eye passes the poles of the shape, where an atlas of angles is singular, and
+//! the corners and folds of an octahedral map.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,14 +20,14 @@ use crate::{
 
 /// Angle between two pictures, degrees.
 const STEP_DEG: f64 = 0.5;
-/// Pixel of the windows, rad.
+/// Angle of a pixel of the windows, rad.
 const PIXEL_RAD: f64 = 1e-3;
 
-/// Rotations about one axis, in several stretches of equal steps. At the angle 0, the direction to the eye is z in the axes of the shape. It is
-/// turned by the angle about y, and then rotated by `circle`.
+/// Rotations about one axis, in several ranges of equal steps. At the angle 0, the direction to the eye is z in the axes of the shape. It is turned
+/// by the angle about y, and then rotated by `circle`.
 struct Tumble {
     circle: DMat3,
-    /// First angle of each stretch, degrees, and its number of pictures.
+    /// First angle of each range, degrees, and its number of pictures.
     stretches: Vec<(f64, usize)>,
 }
 
@@ -40,7 +40,7 @@ impl Tumble {
         Self { circle, stretches: [0.0, 90.0, 180.0].map(|pole_deg| (pole_deg - before_deg, steps)).to_vec() }
     }
 
-    /// Passes obliquely over faces, folds and an edge of the map.
+    /// Passes obliquely across faces, folds and an edge of the map.
     fn oblique() -> Self {
         let circle = DMat3::from_rotation_y(0.9) * DMat3::from_rotation_x(0.7) * DMat3::from_rotation_z(0.4);
         Self { circle, stretches: vec![(62.0, PLACES)] }
@@ -61,7 +61,7 @@ impl Tumble {
         let shape = DMat3::from_cols(axis, to_eye.cross(axis), to_eye);
         let right = direction.cross(DVec3::Y).normalize();
         let view = DMat3::from_cols(right, right.cross(direction), -direction);
-        // Oblique, so that the rows of the picture are not a special direction.
+        // The asteroid is oblique, so that the rows of the picture are not a special direction.
         DQuat::from_axis_angle(direction, 0.6) * DQuat::from_mat3(&(view * shape.transpose()))
     }
 }
@@ -76,7 +76,7 @@ fn tile_rad(layout: Option<AtlasLayout>, tiles: u32) -> f64 {
     }
 }
 
-/// A kind of picture, the direction of the asteroid in it (view axes), and how it tumbles.
+/// A kind of picture, the direction of the asteroid in it (view axes), and the way in which the asteroid tumbles.
 struct Scene {
     name: &'static str,
     kind: ViewKind,
@@ -84,10 +84,10 @@ struct Scene {
     tumbles: Vec<Tumble>,
 }
 
-/// Returns the scenes; windows grow with the quality, which may start impostors near.
+/// Returns the scenes. The size of windows depends on the quality setting, with which impostors may start near the eye.
 fn scenes(quality: f64) -> [Scene; 3] {
     let side = (44.0 / quality.min(1.0)).ceil() as u32;
-    // Only the centre of a dome: a whole dome with equally fine pixels would be large.
+    // Draw only the centre of a dome: a whole dome with equally fine pixels would be large.
     let dome = ViewKind::DomeMaster { size: 192, fov_rad: 0.5 * PI, tilt_rad: 0.0 };
     let off_axis = window(side, PIXEL_RAD, 30.0_f64.to_radians());
     let both = vec![Tumble::over_poles(PLACES / 3), Tumble::oblique()];
@@ -118,9 +118,9 @@ pub(in crate::verify) fn tumbles(context: &mut Context<'_>) -> Result<Vec<Figure
     Ok(figures)
 }
 
-/// For an asteroid at the smallest distance of impostors times a factor: returns the largest 1 - IoU with the truth,
-/// and the largest area that changes in a step, relative to the largest change of the truth in a turn of a step and a
-/// tile.
+/// The asteroid is at the smallest distance at which impostors are drawn, times a factor. Returns the largest 1 - IoU
+/// with the truth, and the largest area that changes in a step. That area is relative to the largest change of the
+/// truth in a turn by a step and a tile.
 fn measure(
     context: &mut Context<'_>,
     kind: &ViewKind,
@@ -134,7 +134,7 @@ fn measure(
     // Images of a dome are rotated relative to the camera's axes; undo that rotation.
     let orientation = image.camera_from_view.conjugate();
     let detail = Detail::new(&settings, &image.projection, direction, 0.0);
-    // Points take over beyond this distance, and they cover nothing.
+    // Beyond this distance, asteroids are drawn as points, which cover nothing.
     let distance_m = (times * detail.nearest_m()).min(detail.points_m());
     let spacing_m = 3.0 * distance_m;
     let pose = |(place, angle_deg): (usize, f64)| Posed {

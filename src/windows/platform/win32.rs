@@ -21,7 +21,7 @@ pub fn check_display() -> Result<(), WindowsError> {
     Ok(())
 }
 
-/// Nothing to do: the desktop does not end before its programs.
+/// Does nothing, because the desktop does not end before its programs.
 ///
 /// # Errors
 ///
@@ -35,7 +35,7 @@ pub(in crate::windows) fn on_any_thread<T>(builder: &mut EventLoopBuilder<T>) {
     builder.with_any_thread(true);
 }
 
-/// A window for surfaces that are created on any thread.
+/// A window for which surfaces can be created on any thread.
 #[derive(Debug)]
 struct OnAnyThread(Arc<Window>);
 
@@ -58,7 +58,7 @@ pub(in crate::windows) fn surface_target(window: Arc<Window>) -> impl Into<wgpu:
     OnAnyThread(window)
 }
 
-/// Features that the window library lacks: none, so no value exists.
+/// Features that the window library lacks. There are none on Windows, so no value of this type exists.
 pub(in crate::windows) enum Desktop {}
 
 impl Desktop {

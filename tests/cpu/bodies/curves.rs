@@ -1,5 +1,5 @@
-//! The light of planets and moons equals their measured curves at every phase, as a point, as a small and as a large
-//! disc.
+//! The light of planets and moons equals their measured phase curves at every phase, whether they are drawn as a point,
+//! as a small disc or as a large one.
 
 use std::sync::Arc;
 
@@ -19,8 +19,8 @@ use steradian::{
     view::{View, ViewKind},
 };
 
-/// A body at one astronomical unit from the Sun, and from an eye at the origin at a phase angle. Its pole is
-/// perpendicular to both directions, so that rings are edge-on.
+/// Returns a scene with a body one astronomical unit from the Sun, and one from the eye at the origin. It is seen at a
+/// phase angle. Its pole is perpendicular to both directions, so that rings are edge-on.
 fn scene(body: SolarBody, phase_deg: f64) -> SceneObjects {
     let place = DVec3::NEG_Z * ASTRONOMICAL_UNIT_M;
     let mut planet = Body::preset(body, "planet", place);
@@ -47,7 +47,8 @@ fn light_equals_the_measured_curves_at_every_phase_and_size() {
                 }
             };
             note(0, luminance(illuminance_of(&objects.bodies[0], DVec3::ZERO, &suns(&objects), 0.0)));
-            // Rays resolve crescents up to this phase. Discs follow the same curve, so a few phases are enough.
+            // Draw discs only up to this phase, because the rays do not resolve thinner crescents. Discs follow the
+            // same curve as points, so a few phases are enough.
             if phase_deg > 150.0 || phase_deg % 30.0 != 0.0 {
                 continue;
             }

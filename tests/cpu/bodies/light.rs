@@ -1,4 +1,5 @@
-//! Bodies in f64: their light equals closed forms in every projection, and the nearest body hides the others.
+//! Bodies drawn in f64: their light equals closed forms in every projection, and the nearest body hides those behind
+//! it.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -18,7 +19,7 @@ use steradian::{
 
 const AU_M: f64 = 1.495_978_707e11;
 
-/// A grey sphere of 1000 km, 1 au from the Sun, which is on +x.
+/// A sphere with a radius of 1000 km at the origin; the Sun is 1 au from it, on the +x axis.
 fn sphere(law: ReflectionLaw) -> Body {
     let mut body = Body::preset(SolarBody::Moon, "ball", DVec3::ZERO);
     body.radii_m = DVec3::splat(1e6);
@@ -45,12 +46,12 @@ fn draw_first(
     draw_lit(&objects.bodies[..1], &suns(objects), 0.0, Eye { eye_m, world_from_view }, mapping, samples)
 }
 
-/// View axes for a view along `direction`.
+/// Returns the rotation of a view along `direction`.
 fn looking(direction: DVec3) -> DQuat {
     DQuat::from_rotation_arc(DVec3::NEG_Z, direction.normalize())
 }
 
-/// Pictures of a body: name, mapping, and direction of the body in view axes.
+/// Returns pictures in which a body is drawn: name, mapping, and direction of the body in view axes.
 fn pictures() -> Vec<(&'static str, Box<dyn PlaneMapping>, DVec3)> {
     let cube = |face| Box::new(CubeFace::new(face, 192).unwrap());
     let equirectangular = || Box::new(Equirectangular::new([384, 192]).unwrap());
@@ -78,8 +79,8 @@ fn light_of_a_sphere_matches_the_closed_form_in_every_projection_and_phase() {
         let sun_lx = suns(&objects)[0].light_at(DVec3::ZERO).unwrap().illuminance_lx;
         for phase_deg in [0.5, 60.0, 110.0] {
             let phase_rad = f64::to_radians(phase_deg);
-            // It is near enough to cover some pixels, and too near for the closed form, so the integral over the disc
-            // replaces it.
+            // The sphere is near enough to cover some pixels, and too near for the closed form, so the expected light
+            // is an integral over the disc.
             let eye_m = DVec3::new(phase_rad.cos(), phase_rad.sin(), 0.0) * 3e6;
             let expected = illuminance_of(&objects.bodies[0], eye_m, &suns(&objects), 0.0);
             for (name, mapping, direction) in pictures() {
@@ -177,7 +178,7 @@ fn the_suns_disc_at_one_astronomical_unit_has_its_magnitude() {
     let expected = 4.83 + 5.0 * (AU_M / (10.0 * steradian::units::PARSEC_M)).log10();
     assert!((magnitude - expected).abs() < 3.2e-4, "{magnitude} {expected}");
     assert!((found_lx / 1.26e5 - 1.0).abs() < 0.01, "{found_lx} lx");
-    // The limb is darker than the centre: 0.4 of it at the very edge.
+    // The limb is darker than the centre: at the very edge it has 0.4 of the luminance of the centre.
     let middle = luminance(image.luminance_cd_m2[32 * 64 + 32]);
     let row = &image.luminance_cd_m2[32 * 64..33 * 64];
     let dimmest = row.iter().zip(&image.coverage[32 * 64..]).filter(|(_, covered)| **covered > 0.999);
@@ -217,10 +218,10 @@ fn the_nearest_body_hides_exactly_the_directions_behind_it() {
         }
         assert!(counts.iter().all(|&count| count > 50), "{counts:?}");
     }
-    // The outline of an ellipsoid, slightly inside and outside, also from a great distance.
+    // Test directions slightly inside and outside of the outline of an ellipsoid, even from a great distance.
     for distance_m in [3e6, 1e9, 1e14] {
         let eye_m = DVec3::Z * distance_m;
-        // Tangent in the y-z plane of the ellipse (y / 2e6)^2 + (z / 1.3e6)^2 = 1: tan^2 = b^2 / (d^2 - c^2).
+        // Tangent to the ellipse (y / 2e6)^2 + (z / 1.3e6)^2 = 1 in the y-z plane: tan^2 = b^2 / (d^2 - c^2).
         let tangent = 2e6 / (distance_m * distance_m - 1.3e6f64.powi(2)).sqrt();
         let towards = |factor: f64| DVec3::new(0.0, tangent * factor, -1.0).normalize();
         assert!(hides(&near, eye_m, towards(1.0 - 1e-7), 0.0), "{distance_m}");

@@ -1,4 +1,4 @@
-//! Bodies without an adapter.
+//! Tests of bodies that need no adapter.
 
 mod curves;
 mod light;

@@ -1,5 +1,5 @@
-//! Bodies and asteroid fields in configurations: each is made as written, and every mistake is refused with a message
-//! that names file, key and valid values.
+//! Bodies and asteroid fields in configurations: each is created as written, and every mistake is refused with a
+//! message that names the file, the key and the valid values.
 
 use std::{f64::consts::PI, fs::File, path::Path};
 
@@ -18,7 +18,7 @@ fn parse(text: &str) -> Result<Config, ConfigError> {
     Config::from_text(text, "test.toml", Path::new("/sky"), &[])
 }
 
-/// Asserts that the text is refused with a message that has all of these parts.
+/// Asserts that the text is refused with a message that contains all of these parts.
 #[track_caller]
 fn refused(text: &str, parts: &[&str]) {
     let message = parse(text).expect_err("the configuration is refused").to_string();

@@ -1,5 +1,5 @@
-//! Every example configuration loads and makes a rig; every section is parsed as written; every mistake is refused
-//! with a message that names file, key and valid values.
+//! Every example configuration loads and gives a rig; every section is parsed as written; every mistake is refused with
+//! a message that names the file, the key and the valid values.
 
 mod cluster;
 mod rendering;
@@ -35,12 +35,12 @@ fn parse_with(text: &str, overrides: &[&str]) -> Result<Config, ConfigError> {
     Config::from_text(text, "test.toml", Path::new("/sky"), &overrides)
 }
 
-/// A view with these keys in addition to its name.
+/// Returns a view with these keys in addition to its name.
 fn view(keys: &str) -> String {
     format!("[[views]]\nname = \"v\"\n{keys}\n")
 }
 
-/// Asserts that the text is refused with a message that has all of these parts.
+/// Asserts that the text is refused with a message that contains all of these parts.
 #[track_caller]
 fn refused(text: &str, parts: &[&str]) {
     let message = parse(text).expect_err("the configuration is refused").to_string();
@@ -187,7 +187,7 @@ fn scene_time_camera_and_catalogues() {
     ] {
         let config = parse_with("", &[set]).unwrap();
         assert_eq!(config.scene.time_s(), (jd - 2_451_545.0) * 86_400.0, "{set}");
-        // The configuration that was used can be used again.
+        // A configuration that has been used can be used again.
         assert_eq!(parse(&config.pictured).unwrap().scene.time_s(), config.scene.time_s(), "{}", config.pictured);
     }
 }
@@ -335,7 +335,7 @@ fn mistakes_in_views() {
         &view("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = 60\nmapping = 'equisolid'"),
         &["views[0].mapping", "unknown key"],
     );
-    // The list has the keys of the type and those of all views.
+    // The listed keys are those of the view's type and those that all views have.
     for (kind, wrong) in [
         ("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = 60", "orientaton = 1"),
         ("type = 'projector'", "test_patern = 1"),
@@ -455,7 +455,7 @@ fn an_enabled_headset_needs_a_unique_name() {
     let twin = view("type = 'cubemap'\nface_size = 4");
     refused(
         &format!("[headset]\nenabled = true\nname = 'v'\n{twin}"),
-        &["headset.name", "views[0] has the name `v` too"],
+        &["headset.name", "views[0] also has the name `v`"],
     );
     // A view may have the headset's name while the headset is disabled.
     assert!(parse(&format!("[headset]\nname = 'v'\n{twin}")).is_ok());
@@ -497,7 +497,7 @@ fn errors_of_exposure_keys_without_effect_name_the_required_setting() {
     for text in taken {
         parse(&format!("[exposure]\n{text}")).unwrap_or_else(|error| panic!("{text}: {error}"));
     }
-    // `ev100` is the unit of methods with relative brightness.
+    // `ev100` defines the unit of the methods with relative brightness, so it has an effect.
     parse("[exposure]\nev100 = -5\n[stars]\nmethod = 'gaussian_psf'").unwrap();
     for (text, key, expected) in [
         ("ev100 = -5", "ev100", "has no effect with mode = \"auto\": leave it out, or set mode = \"manual\""),
@@ -517,7 +517,7 @@ fn errors_of_exposure_keys_without_effect_name_the_required_setting() {
     ] {
         refused(&format!("[exposure]\n{text}"), &[&format!("exposure.{key}"), expected]);
     }
-    // An override is refused like the file, and named.
+    // A wrong override is refused like a wrong key in the file, and the message names it.
     let message = parse_with("", &["exposure.ev100=-5"]).unwrap_err().to_string();
     assert!(message.contains("--set exposure.ev100=-5") && message.contains("no effect"), "{message}");
 }

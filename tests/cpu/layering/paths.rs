@@ -26,7 +26,8 @@ pub fn tokens(source: &str) -> Vec<Token> {
         } else if c == '"' {
             i = end_of_string(&text, i);
         } else if c == '\'' {
-            // A character ('x', '\n', '\u{7f}') or a lifetime ('a), which has no quote after its first letter.
+            // This is a character ('x', '\n', '\u{7f}') or a lifetime ('a). A lifetime has no quote after its first
+            // letter.
             if char_at(i + 1) == '\\' {
                 i += 3;
                 while i < text.len() && text[i] != '\'' {
@@ -48,7 +49,7 @@ pub fn tokens(source: &str) -> Vec<Token> {
             if matches!(word.as_str(), "r" | "br" | "cr") && char_at(i + hashes) == '"' {
                 i = end_of_raw_string(&text, i + hashes, hashes);
             } else if word == "r" && hashes == 1 {
-                // A raw identifier: the name follows.
+                // In a raw identifier, the name follows.
                 i += 1;
             } else {
                 found.push(Token::Word(word));
@@ -66,7 +67,7 @@ pub fn tokens(source: &str) -> Vec<Token> {
     found
 }
 
-/// Index after the block comment that starts at `i`. Block comments nest.
+/// Returns the index after the block comment that starts at `i`. Block comments can be nested.
 fn end_of_block_comment(text: &[char], mut i: usize) -> usize {
     let mut depth = 0;
     while i < text.len() {
@@ -82,7 +83,7 @@ fn end_of_block_comment(text: &[char], mut i: usize) -> usize {
     i
 }
 
-/// Index after the string whose opening quote is at `i`.
+/// Returns the index after the string whose opening quote is at `i`.
 fn end_of_string(text: &[char], mut i: usize) -> usize {
     i += 1;
     while i < text.len() && text[i] != '"' {
@@ -91,7 +92,8 @@ fn end_of_string(text: &[char], mut i: usize) -> usize {
     i + 1
 }
 
-/// Index after the raw string whose opening quote is at `i` and that ends at a quote with `hashes` hashes.
+/// Returns the index after the raw string whose opening quote is at `i`. It ends at a quote that is followed by
+/// `hashes` hashes.
 fn end_of_raw_string(text: &[char], mut i: usize, hashes: usize) -> usize {
     i += 1;
     while i < text.len()
@@ -102,8 +104,8 @@ fn end_of_raw_string(text: &[char], mut i: usize, hashes: usize) -> usize {
     i + 1 + hashes
 }
 
-/// Returns every path of the source that starts at the crate's root, without the root, cut after two parts:
-/// `crate::gpu::Device` gives `["gpu", "Device"]`. `module` is the path of the file's module: `["render",
+/// Returns every path of the source that starts at the crate's root. The root is left out, and at most two parts are
+/// returned: `crate::gpu::Device` gives `["gpu", "Device"]`. `module` is the path of the file's module: `["render",
 /// "display"]`.
 pub fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<Vec<String>> {
     let mut paths = Vec::new();

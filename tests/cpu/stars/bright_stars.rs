@@ -14,8 +14,9 @@ const SAME_PLACE_DEG: f64 = 0.05;
 
 const MAGNITUDE_TOLERANCE: f64 = 0.15;
 
-/// Stars that are too bright in the Yale catalogue. T Coronae Borealis (HR 5958, right ascension and declination in
-/// degrees) is listed with the 2.0 mag of its outbursts, a few days in eighty years; it normally has 10 mag.
+/// Stars for which the Yale catalogue lists too high a brightness. T Coronae Borealis (HR 5958, right ascension and
+/// declination in degrees) is listed with the 2.0 mag of its outbursts, a few days in eighty years; it normally has 10
+/// mag.
 const NOT_BRIGHT: [(f64, f64); 1] = [(239.876, 25.920)];
 
 /// Pairs that the Yale catalogue lists as two stars, each with the combined magnitude: delta Serpentis (3.80 mag) and
@@ -49,7 +50,7 @@ fn is_at(star: &StarRecord, places: &[(f64, f64)]) -> bool {
     })
 }
 
-/// Mira variables of the table, whose brightness is not the catalogued one.
+/// Returns the Mira variables of the table. Their brightness differs from that in the catalogue.
 fn miras() -> Vec<StarRecord> {
     let numbers: Vec<String> = MIRA_VARIABLES.iter().map(|(number, ..)| format!("HR {number}")).collect();
     let table = named_bright_stars(0.0);
@@ -59,7 +60,7 @@ fn miras() -> Vec<StarRecord> {
     table.iter().filter(is_mira).map(|star| star.star).collect()
 }
 
-/// Whether `star` is one of `counterparts`, or their combined light.
+/// Whether `star` equals one of `counterparts`, or has their combined light.
 fn is_among(star: &StarRecord, counterparts: &[&StarRecord]) -> bool {
     let agrees = |magnitude: f64| (magnitude - star.apparent_magnitude()).abs() <= MAGNITUDE_TOLERANCE;
     counterparts.iter().any(|other| agrees(other.apparent_magnitude()))
@@ -89,7 +90,7 @@ fn every_star_of_the_table_is_in_the_yale_catalogue() {
         let nearest = counterparts.iter().map(|c| separation_deg(&entry.star, c)).fold(f64::INFINITY, f64::min);
         worst_deg = worst_deg.max(nearest);
     }
-    println!("{} stars, each within {:.1} arcsec of one in the Yale catalogue", table.len(), worst_deg * 3600.0);
+    println!("{} stars, each within {:.1} arcsec of a star in the Yale catalogue", table.len(), worst_deg * 3600.0);
 }
 
 #[test]
@@ -109,7 +110,7 @@ fn the_table_has_every_bright_star_of_the_yale_catalogue() {
         }
         let ours = near(star, &table);
         assert!(!ours.is_empty(), "no entry near {star:?}");
-        // The combined light of the position is right, and a star that is bright enough alone is listed individually.
+        // The combined light at the position is right, and a star that is bright enough by itself is listed separately.
         let difference = (combined_magnitude(&ours) - light).abs();
         assert!(difference <= MAGNITUDE_TOLERANCE, "{difference} mag of difference near {star:?}");
         places += 1;
@@ -120,8 +121,9 @@ fn the_table_has_every_bright_star_of_the_yale_catalogue() {
     );
 }
 
-/// A duplicated star would appear twice at one position with one brightness, or as a pair of which each has the
-/// combined light. These are real equal pairs, each star with its own light: 42 Com, HR 6749 and HR 9074.
+/// Real pairs of equal stars, each listed with its own light: 42 Com, HR 6749 and HR 9074. A duplicated star, by
+/// contrast, would appear twice at one position with the same brightness, or as a pair of which each star has the
+/// combined light.
 const EQUAL_PAIRS: [&str; 3] = ["42 Com", "HR 6749", "HR 9074"];
 
 #[test]

@@ -1,4 +1,4 @@
-//! Stars without an adapter.
+//! Tests of stars that need no adapter.
 
 mod bright_stars;
 mod reference;

@@ -27,13 +27,13 @@ fn white(direction: DVec3) -> SkyStar {
     SkyStar { direction: direction.normalize(), rgb_lx: [WHITE_LX; 3] }
 }
 
-/// Light of a star in a picture relative to its illuminance.
+/// Returns the light of a star in a picture, relative to its illuminance.
 fn share(star: SkyStar, mapping: &dyn PlaneMapping, kernel: SkyKernel<'_>) -> f64 {
     let image = draw(&[star], mapping, kernel);
     image.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum::<f64>() / WHITE_LX
 }
 
-/// Light of a star over all images of a view, relative to its illuminance.
+/// Returns the light of a star in all images of a view, relative to its illuminance.
 fn share_of_view(direction: DVec3, kind: &ViewKind, kernel: SkyKernel<'_>) -> f64 {
     let view = view("v", kind.clone());
     let share_of_image = |image: &steradian::view::ViewImage| {
@@ -48,14 +48,14 @@ fn erf(x: f64) -> f64 {
     let step = x / f64::from(cells);
     let value = |i: i32| (-(step * f64::from(i)).powi(2)).exp();
     let sum: f64 = (0..cells).map(|i| (value(i) + value(i + 1)) / 2.0).sum();
-    // Trapezium rule with its first correction: -h^2 / 12 times the difference of the slopes.
+    // Integrate by the trapezium rule with its first correction, -h^2 / 12 times the difference of the slopes.
     (sum * step + step * step / 12.0 * (2.0 * x * value(cells))) * 2.0 / PI.sqrt()
 }
 
 #[test]
 fn light_of_a_gaussian_inside_a_square_and_a_cap_matches_closed_forms() {
-    // Integral over a square of half width h around the star, small enough to be flat: erf(h / (sigma sqrt 2))^2.
-    // Kernels from much smaller than a pixel to many pixels.
+    // The integral over a square of half width h around the star, small enough to be flat, is erf(h / (sigma sqrt
+    // 2))^2. The kernels are from much narrower than a pixel to many pixels wide.
     let half = 1e-3_f64;
     for size in [1, 3, 16, 65] {
         let plane = Perspective::symmetric([size, size], 2.0 * half).unwrap();
@@ -66,8 +66,8 @@ fn light_of_a_gaussian_inside_a_square_and_a_cap_matches_closed_forms() {
             assert!((found / expected - 1.0).abs() < 2e-6, "{size} px, sigma {sigma}: {found} {expected}");
         }
     }
-    // Integral over a cap of the sphere, too wide to be flat: moments of exp(-theta^2 / 2 sigma^2) with the series of
-    // the sine.
+    // The cap of the sphere is too wide to be flat. The integral over it follows from the moments of exp(-theta^2 / 2
+    // sigma^2) and the series of the sine.
     let moments = |a: f64, s2: f64| {
         let e = (-a).exp();
         s2 * (1.0 - e) - s2.powi(2) / 3.0 * (1.0 - (1.0 + a) * e)
@@ -78,7 +78,7 @@ fn light_of_a_gaussian_inside_a_square_and_a_cap_matches_closed_forms() {
         let found = share(white(DVec3::NEG_Z), &cap, SkyKernel::Spread(&Gaussian::new(sigma).unwrap()));
         let s2 = sigma * sigma;
         let expected = moments(radius * radius / (2.0 * s2), s2) / moments(24.5, s2);
-        // The rim of 512 pixels is jagged.
+        // The tolerance allows for the jagged rim of a picture 512 pixels wide.
         assert!((found / expected - 1.0).abs() < 1e-4, "{radius}: {found} {expected}");
     }
 }
@@ -96,12 +96,12 @@ fn all_light_arrives_in_every_projection_and_across_every_edge() {
     places.extend(spiral(12));
     for kind in &whole_sky {
         let mut worst = [0.0_f64; 2];
-        // From a twentieth of a pixel to several pixels.
+        // The kernels are a twentieth of a pixel to several pixels wide.
         for sigma in [0.003, 0.03, 0.3] {
             let gaussian = Gaussian::new(sigma).unwrap();
             for place in &places {
-                // The rim of a full sphere is jagged: pixels count by their centres. In an equisolid picture the last
-                // of them reach half a radian inwards.
+                // The rim of a full sphere is jagged, because a pixel belongs to the picture if its centre does. In an
+                // equisolid picture, the outermost pixels extend half a radian inwards.
                 let rim_rad = place.angle_between(DVec3::Z);
                 let near_rim = matches!(kind, ViewKind::Fisheye { .. }) && rim_rad < gaussian.radius_rad() + 0.6;
                 let error = (share_of_view(*place, kind, SkyKernel::Spread(&gaussian)) - 1.0).abs();
@@ -112,16 +112,16 @@ fn all_light_arrives_in_every_projection_and_across_every_edge() {
             let error = (share_of_view(*place, kind, SkyKernel::Point) - 1.0).abs();
             assert!(error < 1e-15, "a point at {place} in {}: {error}", kind.type_name());
         }
-        println!("{}: all light to {:.1e}, near the rim to {:.1e}", kind.type_name(), worst[0], worst[1]);
+        println!("{}: relative error of the light {:.1e}, near the rim {:.1e}", kind.type_name(), worst[0], worst[1]);
         let equisolid = matches!(kind, ViewKind::Fisheye { mapping: FisheyeMapping::Equisolid, .. });
         assert!(worst[0] < 1e-7 && worst[1] < if equisolid { 0.15 } else { 5e-3 }, "{}: {worst:?}", kind.type_name());
     }
-    // Inside every other picture.
+    // Every other picture has all light of stars well inside.
     for (name, kind) in all_views() {
         let images = view("v", kind.clone()).images.len() as f64;
         let gaussian = Gaussian::new(0.01).unwrap();
         let eyes = if matches!(kind, ViewKind::Stereo { .. }) { images } else { 1.0 };
-        // Near the zenith of the dome, which is tilted 0.3 rad to the front.
+        // For the dome, which is tilted 0.3 rad to the front, use a direction near its zenith.
         let direction = if name == "domemaster" { DVec3::new(0.1, 1.0, -0.4) } else { DVec3::new(0.2, -0.15, -1.0) };
         for kernel in [SkyKernel::Point, SkyKernel::Spread(&gaussian)] {
             let found = share_of_view(direction, &kind, kernel) / eyes;
@@ -149,10 +149,11 @@ fn position_width_and_peak_match_the_gaussian() {
             let peak = luminances.iter().map(|rgb| luminance(*rgb)).fold(0.0, f64::max);
             let peak_error = peak / (WHITE_LX / (TAU * sigma * sigma)) - 1.0;
             println!("centroid off by {error_rad:.1e} rad, {shape:?}, peak {peak_error:.1e}");
-            // A few ten-thousandths of a pixel: pixels count as points at their centres.
+            // The error is a few ten-thousandths of a pixel, because the centroid treats pixels as points at their
+            // centres.
             assert!(error_rad < 3e-6);
-            // Pixels, up to 0.0087 rad, add their width, and the curvature of the sky reduces it slightly; the peak
-            // is a mean over a pixel.
+            // The width includes that of the pixels, up to 0.0087 rad, and the curvature of the sky reduces it
+            // slightly. The peak is a mean over a pixel.
             assert!((shape.major / sigma - 1.0).abs() < 0.01 && (shape.minor / sigma - 1.0).abs() < 0.01);
             assert!(shape.ellipticity().unwrap() < 5e-3);
             assert!(peak_error > -0.07 && peak_error < 1e-3, "{peak_error}");

@@ -1,5 +1,5 @@
-//! Fields of asteroids through the whole renderer: light, statistics, and equal pictures with culling on the CPU and on
-//! the GPU.
+//! Fields of asteroids drawn by the whole renderer: light, statistics, and equal pictures with culling on the CPU and
+//! on the GPU.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use steradian::{
     view::{ViewKind, projection::FisheyeMapping},
 };
 
-/// A box of asteroids around the camera, and a distant sun.
+/// Returns a scene with a box of asteroids around the camera, and a distant sun.
 pub(super) fn scene(instances: u32, half_m: f64, radius_m: [f64; 2]) -> SceneSnapshot {
     let shapes = Arc::new(ShapeSet::procedural(4));
     let parameters = FieldParameters {
@@ -82,11 +82,12 @@ fn statistics_add_up_and_every_drawing_method_is_used() {
         let counts = &view.asteroids;
         println!("{}: {counts:?}", view.name);
         let drawn = counts.meshes.iter().sum::<u64>() + counts.impostors + counts.points;
-        // An asteroid counts more than once only if it is blended between two levels, or drawn on several faces.
+        // An asteroid is counted more than once only if it is blended between two levels, or drawn on several faces.
         let sum = drawn + counts.unresolved + counts.culled;
         assert!((3001..3001 + drawn).contains(&sum) && drawn > 0, "{counts:?}");
     }
-    // The whole sphere contains all of them; the flat view, with the finest pixels, draws them in every way.
+    // The view of the whole sphere contains all asteroids. The flat view, whose pixels are finest, uses every drawing
+    // method.
     assert_eq!(frame.views[2].asteroids.culled, 0);
     let flat = &frame.views[0].asteroids;
     assert!(flat.points > 0 && flat.impostors > 0 && flat.meshes.iter().sum::<u64>() > 0, "{flat:?}");
@@ -102,7 +103,7 @@ fn counts_of_only_meshes_or_only_points_are_exact() {
     let counts = render_hdr(&mut renderer, &scene, &flat, &settings).views[0].asteroids.clone();
     assert_eq!(counts.meshes[0] + counts.culled, 3001, "{counts:?}");
     assert!(counts.meshes[0] > 100 && counts.culled > 100 && counts.meshes[1..].iter().all(|count| *count == 0));
-    // From a distance at which every asteroid is a point.
+    // Look from a distance at which every asteroid is a point.
     let mut far = scene.clone();
     far.camera.position_m += DVec3::new(0.0, 0.0, 1.2e5);
     settings.asteroids.finest_only = false;

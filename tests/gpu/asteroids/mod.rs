@@ -1,4 +1,4 @@
-//! Asteroids on the adapter.
+//! Tests of asteroids on the adapter.
 
 mod fields;
 mod splats;

@@ -1,5 +1,5 @@
-//! Splatted impostors: they look like the finest meshes, their bytes do not depend on the word size or on bands, and
-//! samples hidden by nearer asteroids are counted.
+//! Splatted impostors: they look like the finest meshes, the picture does not depend on the size of words or on bands, and samples that nearer
+//! asteroids hide are counted.
 
 use steradian::{
     gpu::GpuOptions,
@@ -23,8 +23,8 @@ fn views() -> Rig {
     ])
 }
 
-/// Three sums of green light over an image, cd/m^2: of the first frame, of the second, and of the absolute difference
-/// in blocks of 4 x 4 pixels.
+/// Returns three sums of green light over an image, cd/m^2: for the first frame, for the second, and for the absolute difference of the two in blocks
+/// of 4 x 4 pixels.
 fn compared(one: &Frame, two: &Frame, image: usize) -> [f64; 3] {
     let width = one.images[image].width as usize;
     let [a, b] = [one, two].map(|frame| frame.images[image].hdr.as_ref().unwrap());
@@ -65,8 +65,8 @@ fn splats_look_like_the_finest_meshes() {
             view.name, view.asteroids
         );
         assert!(view.asteroids.impostors > 100, "{:?}", view.asteroids);
-        // The remaining difference comes from points, and from edges that the reference samples twice as finely; squares
-        // have the same.
+        // The remaining difference comes from points, and from edges, which the reference samples twice as finely. Pictures with squares differ in
+        // the same way.
         assert!(splatted[0].abs() < 0.04 && splatted[1] < squares[1] + 0.02 && squares[1] < 0.4, "{}", view.name);
         assert!(other[1] > 0.6, "{}: {other:?}", view.name);
     }
@@ -88,7 +88,7 @@ fn words_and_bands_do_not_change_the_picture() {
     for (other, limits) in frames.iter().zip(limits).skip(1) {
         for (one, two) in frames[0].images.iter().zip(&other.images) {
             let pixels = one.hdr.as_ref().unwrap().iter().zip(two.hdr.as_ref().unwrap());
-            // In 32-bit words points are summed in other units, and tile windows cut mesh edges elsewhere.
+            // With 32-bit words, points are summed in other units. With bands, the windows of tiles cut the edges of meshes at other positions.
             let most = if limits.0 { 1e-5 } else { 1e-2 };
             let differs = |(one, two): &(&[f32; 4], &[f32; 4])| {
                 one.iter().zip(*two).any(|(one, two)| (one - two).abs() > most * one.abs())
@@ -115,7 +115,7 @@ fn hidden_samples_are_counted_behind_many_asteroids() {
         counts.hidden as f64 / counts.impostors as f64
     });
     assert!(hidden[0] < 0.4 && hidden[1] > 0.7, "{hidden:?}");
-    // Squares are not counted.
+    // Samples are not counted for impostors drawn as squares.
     let frame = render_hdr(
         &mut renderer,
         &scene(20_000, 700.0, [4.0, 40.0]),

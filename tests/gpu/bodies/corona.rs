@@ -19,7 +19,8 @@ const AU: f64 = ASTRONOMICAL_UNIT_M;
 /// Angular radius of the Sun, and of the moon in front of it, as seen from 1 au, rad.
 const SUN_RAD: f64 = 695_700e3 / AU;
 
-/// The Sun ahead, and optionally a moon in front of it: its radius, and the offset of its centre, in radii of the Sun.
+/// Returns a scene with the Sun ahead, and optionally a moon in front of it. The moon is given by its radius and the
+/// offset of its centre, in radii of the Sun.
 fn scene(moon: Option<(f64, f64)>, has_corona: bool) -> SceneSnapshot {
     let mut sun = Body::preset(SolarBody::Sun, "sun", DVec3::NEG_Z * AU);
     sun.emission = sun.emission.map(|emission| Emission { corona: has_corona, ..emission });
@@ -29,7 +30,7 @@ fn scene(moon: Option<(f64, f64)>, has_corona: bool) -> SceneSnapshot {
         let place = DQuat::from_rotation_y(-offset_radii * SUN_RAD) * DVec3::NEG_Z * distance_m;
         let mut moon = Body::preset(SolarBody::Moon, "moon", place);
         moon.radii_m = DVec3::splat(distance_m * (moon_radii * SUN_RAD).sin());
-        // Black: all light comes from the Sun and the corona.
+        // The moon is black, so all light comes from the Sun and the corona.
         moon.surface.geometric_albedo = [0.0; 3];
         moon.surface.phase_curve = None;
         bodies.push(Arc::new(moon));
@@ -44,7 +45,7 @@ fn disc_cd_m2(scene: &SceneSnapshot) -> f64 {
     luminance(emission.luminance_cd_m2) * emission.mean_over_middle()
 }
 
-/// Luminance of all pixels, relative to the mean luminance of the Sun's disc.
+/// Returns the luminance of all pixels, relative to the mean luminance of the Sun's disc.
 fn picture(scene: &SceneSnapshot, rig: &Rig) -> Vec<f64> {
     let frame = render_hdr(&mut renderer(), scene, rig, &settings(StarMethod::Auto));
     let unit = disc_cd_m2(scene);
@@ -52,13 +53,14 @@ fn picture(scene: &SceneSnapshot, rig: &Rig) -> Vec<f64> {
     pixels.map(|[r, g, b, _]| luminance([r, g, b].map(|c| f64::from(*c))) / unit).collect()
 }
 
-/// A window of 480 pixels that shows 24 radii of the Sun, half of its corona: 20 pixels per radius.
+/// Returns a window 480 pixels wide that shows 24 radii of the Sun, which is half of its corona. A radius has 20
+/// pixels.
 fn window() -> Rig {
     rig(vec![("window", ViewKind::Perspective { size: [480, 480], fov_y_rad: 2.0 * (12.0 * SUN_RAD).atan() })])
 }
 
-/// Mean of the profile over a pixel of the window, from 40 x 40 points. `hidden` is a disc without light: its radius
-/// and the offset of its centre, in radii of the Sun.
+/// Returns the mean of the profile over a pixel of the window, from 40 x 40 points. `hidden` is the radius of a disc
+/// without light, and the offset of its centre, in radii of the Sun.
 fn expected(pixel: usize, hidden: Option<(f64, f64)>) -> f64 {
     let corner = DVec2::new((pixel % 480) as f64, (pixel / 480) as f64);
     let mut sum = 0.0;
@@ -81,10 +83,10 @@ fn a_corona_has_the_measured_brightness_at_every_distance() {
     let scene = scene(Some((1.05, 0.0)), true);
     let relative = picture(&scene, &window());
     let mut worst = [0.0_f64; 2];
-    // Pixels of a few rows and columns are enough.
+    // It is enough to compare the pixels of a few rows and columns.
     for pixel in (0..480 * 480).filter(|pixel| pixel / 480 % 37 == 18 || pixel % 480 % 53 == 20) {
         let (left, whole) = (expected(pixel, Some((1.05, 0.0))), expected(pixel, None));
-        // Pixels on the limb of the moon are divided into 12 x 12 parts.
+        // The renderer divides pixels on the limb of the moon into 12 x 12 parts.
         let at_limb = usize::from(left != whole);
         if whole > 1e-9 {
             worst[at_limb] = worst[at_limb].max((relative[pixel] - left).abs() / whole);
@@ -94,7 +96,7 @@ fn a_corona_has_the_measured_brightness_at_every_distance() {
     }
     println!("largest error {:.1e} next to the moon, {:.1e} on its limb", worst[0], worst[1]);
     assert!(worst[0] < 1.3e-2 && worst[1] < 0.04, "{worst:?}");
-    // Inside the moon it is dark.
+    // The disc of the moon is dark.
     assert_eq!(relative[240 * 480 + 240], 0.0);
     // A corona with another profile fails the comparison.
     let [near, far] = [1.5, 4.0].map(|radii| relative[240 * 480 + 240 + (radii * 20.0) as usize]);
@@ -105,7 +107,7 @@ fn a_corona_has_the_measured_brightness_at_every_distance() {
 
 #[test]
 fn coarse_pixels_keep_the_light_of_a_corona_and_a_moon_hides_its_share() {
-    // At its outer end the corona has little light: see photometry::corona.
+    // Light of the whole corona. It is small because the corona is faint at its outer end: see photometry::corona.
     let whole = 1.0653e-6;
     // A dome with pixels of 0.35 degrees, and a window with pixels of 1 arcmin.
     for (name, kind) in [
@@ -123,7 +125,7 @@ fn coarse_pixels_keep_the_light_of_a_corona_and_a_moon_hides_its_share() {
         };
         let [with_corona, without] = [true, false].map(|has_corona| light(&scene(None, has_corona)));
         println!("{name}: {:.4e} of the Sun's light", with_corona - without);
-        // The difference of two values near 1, with the precision of f32.
+        // The light of the corona is the difference of two values near 1, which have the precision of f32.
         assert!((without - 1.0).abs() < 3e-3, "{without}");
         let hidden = light(&scene(Some((1.0001, 0.0)), true));
         println!("{name}: {hidden:.4e} behind a moon as large as the Sun");

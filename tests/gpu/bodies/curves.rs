@@ -1,4 +1,5 @@
-//! The light of bodies equals their measured curves to the ends of the curves, as a point and as discs of any size.
+//! The light of bodies equals their measured phase curves, up to the ends of the curves, whether they are drawn as
+//! points or as discs of any size.
 
 use std::sync::Arc;
 
@@ -19,8 +20,8 @@ use steradian::{
 /// Diameters at which the light is compared, pixels: a point, half a point, discs.
 const DIAMETERS_PX: [f64; 5] = [0.5, 3.0, 6.0, 25.0, 200.0];
 
-/// A body at one astronomical unit from the Sun, and from the camera at a phase angle, with a pole that leans towards
-/// the eye.
+/// Returns a scene with a body one astronomical unit from the Sun, and one from the camera. It is seen at a phase
+/// angle, and its pole leans towards the eye.
 fn scene(body: SolarBody, phase_deg: f64, lean_deg: f64) -> SceneSnapshot {
     let place = DVec3::NEG_Z * ASTRONOMICAL_UNIT_M;
     let mut planet = Body::preset(body, "planet", place);
@@ -34,7 +35,7 @@ fn scene(body: SolarBody, phase_deg: f64, lean_deg: f64) -> SceneSnapshot {
     SceneSnapshot { objects: Arc::new(objects), camera: Camera::default(), ..snapshot(Vec::new()) }
 }
 
-/// Light of a body in a picture, lx.
+/// Returns the light of a body in a picture, lx.
 fn light_lx(renderer: &mut Renderer, scene: &SceneSnapshot, diameter_px: f64) -> f64 {
     let radii_m = scene.objects.bodies[0].radii_m.max_element();
     let wide = 2.6 * diameter_px + 24.0;
@@ -67,7 +68,7 @@ fn a_thin_crescent_keeps_its_light_before_the_corona() {
         for diameter_px in [3.0, 6.0, 8.5, 25.0] {
             let light_lx = with(venus, diameter_px) - with(&dark, diameter_px);
             let error_mag = -2.5 * (light_lx / whole).log10();
-            println!("phase {phase_deg}, {diameter_px} pixels before the corona: {error_mag:+.3} mag");
+            println!("phase {phase_deg}, {diameter_px} pixels in front of the corona: {error_mag:+.3} mag");
             assert!(error_mag.abs() < 0.05, "phase {phase_deg}, {diameter_px} pixels: {error_mag}");
         }
     }

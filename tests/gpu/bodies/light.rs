@@ -1,5 +1,5 @@
 //! Bodies: their light equals the illuminance from size, surface and phase, from 0.01 to 100 pixels and in every
-//! projection, and they hide exactly the stars behind them.
+//! projection, and bodies hide exactly the stars behind them.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -37,7 +37,7 @@ fn body(name: &str, position_m: DVec3, radii_m: DVec3, law: ReflectionLaw) -> Bo
     }
 }
 
-/// A sun that gives about 1e5 lx at a position, and is itself in front of the camera.
+/// Returns a sun that gives about 1e5 lx at a position.
 fn sun(place_m: DVec3, direction: DVec3) -> Body {
     let mut sun = body("sun", place_m + direction * 1e12, DVec3::splat(1e7), ReflectionLaw::Lambert);
     sun.surface.geometric_albedo = [0.0; 3];
@@ -50,7 +50,7 @@ fn scene(bodies: Vec<Body>) -> SceneSnapshot {
     SceneSnapshot { objects: Arc::new(objects), ..snapshot(Vec::new()) }
 }
 
-/// Light of the pixels within an angle of a direction in view axes, lx.
+/// Returns the light, lx, of the pixels within an angle of a direction in view axes.
 fn light_around_lx(image: &FrameImage, mapping: &dyn PlaneMapping, direction: DVec3, within_rad: f64) -> f64 {
     let hdr = image.hdr.as_ref().unwrap();
     let mut sum = 0.0;
@@ -71,7 +71,7 @@ fn light_around_lx(image: &FrameImage, mapping: &dyn PlaneMapping, direction: DV
     sum
 }
 
-/// Approximate size of the pixel around a direction, rad.
+/// Returns the approximate size of the pixel around a direction, rad.
 fn pixel_across_rad(mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
     let Some(pixel) = mapping.pixel_from_direction(direction) else { return 0.0 };
     let direction_at = |x: f64, y: f64| mapping.direction_from_pixel(pixel + glam::DVec2::new(x, y));
@@ -79,7 +79,7 @@ fn pixel_across_rad(mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
     sides.into_iter().flatten().map(|side| 2.0 * side.angle_between(direction)).fold(0.0, f64::max)
 }
 
-/// Relative error of the light of the first body in the view.
+/// Returns the relative error of the light of the first body in the view.
 fn light_error(renderer: &mut Renderer, rig: &Rig, bodies: Vec<Body>, times: f64) -> f64 {
     let scene = scene(bodies);
     let body = &scene.objects.bodies[0];
@@ -101,7 +101,7 @@ fn light_error(renderer: &mut Renderer, rig: &Rig, bodies: Vec<Body>, times: f64
     found / expected - 1.0
 }
 
-/// From 0.01 to 100 pixels, at several phases, for both reflection laws and for a sun.
+/// The diameters are 0.01 to 100 pixels. Bodies have several phases and both reflection laws; suns are tested too.
 #[test]
 fn a_body_has_its_illuminance_at_every_size() {
     let mut renderer = renderer();
@@ -130,7 +130,7 @@ fn a_body_has_its_illuminance_at_every_size() {
     worst.print();
 }
 
-/// Bodies of three sizes in every projection, also at its poles, edges and corners if the picture continues there.
+/// Bodies of three sizes are drawn in every projection, even on poles, edges and corners if the picture continues beyond them.
 #[test]
 fn a_body_has_its_illuminance_in_every_projection() {
     let mut renderer = renderer();
@@ -156,8 +156,8 @@ fn a_body_has_its_illuminance_in_every_projection() {
                 let radii_m = DVec3::new(1.0, 0.8, 0.6) * radius_m;
                 let bodies = vec![body("body", place, radii_m, ReflectionLaw::Lambert), sun(place, towards)];
                 let error = light_error(&mut renderer, &rig, bodies, eyes);
-                // At the rim of a round picture of the full sphere, all pixels show nearly the same point, and the staircase of pixels
-                // covers it a few per cent too much or too little.
+                // At the rim of a round picture of the full sphere, all pixels show nearly the same point. The jagged rim covers this point by a few
+                // per cent too much or too little.
                 let at_rim = name == "equidistant-360" && direction.z > 0.999;
                 let limit = if at_rim { 0.04 } else { 0.01 };
                 assert!(error.abs() < limit, "{name}, {direction}, {diameter} px: {error}");
@@ -200,7 +200,7 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
     let stars: Vec<DVec3> = spiral(40_000).collect();
     let sky = snapshot(stars.iter().map(|direction| star(*direction, 6.0)).collect());
     let mut figures = Vec::new();
-    // With an exposure metered from the mean, all stars use the same kernel; different kernels would lose different shares at a rim.
+    // Meter the exposure from the mean, so that all stars use the same kernel. Different kernels would lose different shares of light at a rim.
     let mut settings = settings(StarMethod::Auto);
     settings.exposure = ExposureSettings::auto(Metering::Mean);
     for (name, kind) in all_views() {
@@ -213,7 +213,7 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
         let (all, all_lx) = count(&mut renderer, SceneObjects::default());
         let mut hidden_in_all = 0;
         for direction in directions_inside(&view("v", kind.clone()), 3, 30) {
-            // Black, so that all light comes from stars. The ellipsoid is tilted, so its outline is not a circle.
+            // The body is black, so that all light comes from stars. The ellipsoid is tilted, so that its outline is not a circle.
             let mut dark =
                 body("dark", direction * DISTANCE_M, DVec3::new(2.4e8, 1.5e8, 0.9e8), ReflectionLaw::Lambert);
             dark.orientation = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3);
@@ -232,10 +232,10 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
                 stars.iter().filter(in_picture).filter(|star| hides(&dark, eye_m, **star, 0.0)).count() as u64
             };
             let hidden: u64 = rig.views()[0].images.iter().map(hidden_in).sum();
-            assert!(hidden > 10, "{name}: too few stars behind the body");
+            assert!(hidden > 10, "{name}: there are too few stars behind the body");
             assert_eq!(all - remaining, hidden, "{name}, body at {direction}");
             let lost = (all_lx - remaining_lx) / (all_lx / all as f64) - hidden as f64;
-            // Kernels extend over the borders of pictures that end there.
+            // The light is not exact, because kernels extend over the borders of pictures.
             assert!(
                 lost.abs() < 0.01 * hidden as f64,
                 "{name}: the light of {lost} stars is missing besides the hidden ones"
@@ -244,10 +244,10 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
         }
         figures.push(format!("{name} {hidden_in_all}"));
     }
-    println!("hidden stars, exactly those behind the body: {}", figures.join(", "));
+    println!("the hidden stars are exactly those behind the body: {}", figures.join(", "));
 }
 
-/// The count above must differ for a slightly larger body.
+/// The number of stars in the test above must differ for a slightly larger body.
 #[test]
 fn a_body_two_per_cent_too_large_hides_too_many_stars() {
     let stars: Vec<DVec3> = spiral(40_000).collect();
@@ -258,7 +258,7 @@ fn a_body_two_per_cent_too_large_hides_too_many_stars() {
     assert!(hidden_by(2.04e8) > hidden_by(2e8));
 }
 
-/// The largest bodies at the largest distances: their outlines and their light are as accurate as others.
+/// The outlines and the light of the largest bodies at the largest distances are as accurate as those of other bodies.
 #[test]
 fn a_giant_has_its_illuminance_and_hides_only_stars_behind_it() {
     let mut renderer = renderer();
@@ -316,7 +316,7 @@ fn a_small_body_low_above_a_large_one_is_visible() {
     assert!((luminance_cd_m2 - 100.0).abs() < 0.1, "{luminance_cd_m2}");
 }
 
-/// A body in the shadow of another one has umbra and penumbra as in the f64 reference.
+/// A body in the shadow of another one has the same umbra and penumbra as in the f64 reference.
 #[test]
 fn shadows_on_bodies_equal_the_reference() {
     let sun_m = DVec3::new(1.0, 0.3, 0.2).normalize() * 1.5e11;
@@ -342,7 +342,7 @@ fn shadows_on_bodies_equal_the_reference() {
         let worst = hdr.iter().zip(&twin.luminance_cd_m2).map(error).fold(0.0, f64::max);
         let light: f64 = illuminance_lx(&frame.images[0], mapping);
         println!("shadow {part}: worst {worst:.1e}, light {light:.4e} lx");
-        // Pixels on the limb and on the edge of the shadow: the reference divides them into a finite number of parts.
+        // The reference is not exact for pixels on the limb and on the edge of the shadow, which it divides into a finite number of parts.
         assert!(worst < 0.06, "{part}: {worst}");
         lights.push(light);
         let whole = luminance(illuminance_of(&lit, DVec3::ZERO, &suns(&scene.objects), 0.0));
@@ -351,13 +351,13 @@ fn shadows_on_bodies_equal_the_reference() {
     assert!(lights[0] < 0.97 * lights[2] && lights[1] < lights[2], "{lights:?}");
 }
 
-/// A disc behind a nearer and larger one is hidden completely, whichever way the limbs cross pixels.
+/// A disc behind a nearer and larger one is hidden completely, however the limbs cross pixels.
 #[test]
 fn a_sun_behind_a_larger_moon_is_hidden_in_every_pixel() {
     let direction = DVec3::new(0.02, 0.01, -1.0).normalize();
     let mut sun = body("sun", direction * 1.5e11, DVec3::splat(6.957e8), ReflectionLaw::Lambert);
     sun.emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0, corona: false });
-    // Larger by 2 %, which is less than a pixel.
+    // The moon is larger than the Sun by 2 %, which is less than a pixel.
     let moon = |part: f64| {
         let offset_m = direction.any_orthonormal_vector() * part;
         body(
@@ -375,11 +375,11 @@ fn a_sun_behind_a_larger_moon_is_hidden_in_every_pixel() {
     };
     let whole = light(vec![sun.clone()]);
     assert_eq!(light(vec![sun.clone(), moon(0.0)]), 0.0);
-    // With an offset of a tenth of the radius a crescent remains, whose share is the area between two circles.
+    // With an offset of a tenth of the radius, a crescent remains visible. Its share follows from the area between two circles.
     let offset_m = 1.7e5;
     let visible = light(vec![sun.clone(), moon(offset_m)]) / whole;
     let radius = 6.957e8 / 1.5e11;
     let expected = 1.0 - steradian::scene::bodies::hidden_share(radius, 1.02 * radius, offset_m / 3.6e8);
-    println!("visible share {visible:.5}, from areas {expected:.5}");
+    println!("visible share {visible:.5}, computed from areas {expected:.5}");
     assert!(expected > 0.01 && (visible / expected - 1.0).abs() < 0.03, "{visible} {expected}");
 }

@@ -1,4 +1,4 @@
-//! Bodies on the adapter.
+//! Tests of bodies on the adapter.
 
 mod corona;
 mod curves;

@@ -20,8 +20,8 @@ const AU: f64 = ASTRONOMICAL_UNIT_M;
 const RADIUS_M: f64 = 60_268e3;
 const SIZE: [u32; 2] = [400, 240];
 
-/// Saturn at 9 au. Its pole leans towards the eye by `eye_deg`; the Sun is `sun_deg` above the
-/// equator of Saturn, and `sun_azimuth_deg` from the eye around the pole.
+/// Returns a scene with Saturn at 9 au. Its pole leans towards the eye by `eye_deg`. The Sun is `sun_deg` above the
+/// equator of Saturn, and its azimuth around the pole differs from that of the eye by `sun_azimuth_deg`.
 fn scene(eye_deg: f64, sun_deg: f64, sun_azimuth_deg: f64, has_curve: bool) -> SceneSnapshot {
     let place = DVec3::NEG_Z * 9.0 * AU;
     let mut saturn = Body::preset(SolarBody::Saturn, "saturn", place);
@@ -45,7 +45,7 @@ fn window() -> Rig {
     rig(vec![("window", ViewKind::Perspective { size: SIZE, fov_y_rad })])
 }
 
-/// Luminance of all pixels, row by row, and the illuminance of the picture, lx.
+/// Returns the luminance of all pixels, row by row, and the illuminance of the picture, lx.
 fn picture(scene: &SceneSnapshot) -> (Vec<f64>, f64) {
     let rig = window();
     let frame = render_hdr(&mut renderer(), scene, &rig, &settings(StarMethod::Auto));
@@ -55,7 +55,7 @@ fn picture(scene: &SceneSnapshot) -> (Vec<f64>, f64) {
     (pixels.collect(), illuminance_lx(image, mapping))
 }
 
-/// Luminance at a position in equatorial radii, to the right and up.
+/// Returns the luminance at a position, given in equatorial radii to the right and up.
 fn luminance_at(picture: &[f64], right: f64, up: f64) -> f64 {
     let place = DVec2::new(f64::from(SIZE[0]), f64::from(SIZE[1])) * 0.5 + DVec2::new(right, -up) * 160.0 / 2.269;
     picture[place.y as usize * SIZE[0] as usize + place.x as usize]
@@ -70,9 +70,10 @@ fn globe_and_rings_have_the_measured_total_light() {
         let expected = luminance(illuminance_of(&scene.objects.bodies[0], DVec3::ZERO, &suns(&scene.objects), 0.0));
         let (pixels, found) = picture(&scene);
         println!("eye {eye_deg}, Sun {sun_deg}: relative error of the light {:+.3}", found / expected - 1.0);
-        // Globe and rings hide parts of each other; the measured magnitude is the light of the rest.
+        // Globe and rings hide parts of each other; the measured magnitude is that of the visible parts.
         assert!((0.97..1.03).contains(&(found / expected)), "{eye_deg}: {}", found / expected);
-        // Left and right of the globe: C is dark, B bright, A fainter, and Cassini's division between them is dark.
+        // Next to the globe, ring C is dark, B is bright, and A is fainter than B. Cassini's division between B and A
+        // is dark.
         let [c, b, division, a, beyond] =
             [1.38, 1.75, 1.99, 2.15, 2.35].map(|radius| luminance_at(&pixels, radius, 0.0));
         if eye_deg.abs() > 10.0 {
@@ -87,7 +88,7 @@ fn globe_and_rings_hide_and_shade_each_other() {
     let bright = picture(&scene(26.0, 26.0, 0.0, true)).0;
     let without = picture(&scene(26.0, 26.0, 0.0, false)).0;
     let sine = 26_f64.to_radians().sin();
-    // The near part of B crosses the globe below its centre; the globe hides the far part above it.
+    // The near part of ring B crosses the globe below its centre. Above the centre, the globe hides the far part.
     let [before, behind] = [-1.75 * sine, 1.75 * sine];
     let globe = |picture: &[f64]| luminance_at(picture, 0.0, 0.1);
     let ratio = luminance_at(&bright, 0.0, before) / globe(&bright);
@@ -96,7 +97,7 @@ fn globe_and_rings_hide_and_shade_each_other() {
     let hidden = luminance_at(&bright, 0.0, behind) / globe(&bright);
     let alike = luminance_at(&without, 0.0, behind) / globe(&without);
     assert!((hidden / alike - 1.0).abs() < 0.05, "{hidden} {alike}");
-    // Lit from the other side, the rings reflect nothing but still hide the globe.
+    // If they are lit from the other side, the rings reflect no light.
     let dark = picture(&scene(10.0, -10.0, 0.0, true)).0;
     assert_eq!(luminance_at(&dark, 1.75, 0.0), 0.0);
     // With the Sun to one side of the eye, the shadow of the globe falls on the far part of the rings, left or right.

@@ -1,4 +1,4 @@
-//! The axis `live`: tiny views of daemons that the built program runs. Times are not tested.
+//! Tests the axis `live` with tiny views of daemons that the built program runs. Times are not tested.
 
 use std::{collections::BTreeSet, path::PathBuf, time::Duration};
 
@@ -10,7 +10,7 @@ use steradian::{
 
 use super::{AMPLE, about, tiny, well_formed};
 
-/// A configuration of the real bright stars over a place on the Earth.
+/// Returns a configuration with the real bright stars over a place on the Earth.
 const SMALL: &str = r#"
     [scene]
     catalogues = ["builtin:bright"]
@@ -39,7 +39,7 @@ fn scene(name: &str, text: &str, views: &[&str], budgets_codes: &[f64]) -> LiveS
     }
 }
 
-/// Charts these configurations with short rounds.
+/// Runs the axis for these configurations, with short rounds.
 fn rows(scenes: Vec<LiveScene>) -> Vec<Row> {
     let live = LiveExtent { scenes, rounds: 2, round: Duration::from_millis(50), poses: 2, budget: AMPLE };
     let extent = Extent { live, ..tiny() };
@@ -85,7 +85,7 @@ fn delivered_frames_have_all_figures_and_keep_their_budgets() {
     }
     assert!(rows.iter().any(|row| row.notes.contains("plan ") && row.notes.contains("frame ")), "times of the passes");
 
-    // Table, picture, page and summary.
+    // Check the table, the picture, the page and the summary.
     let folder = tempfile::tempdir().unwrap();
     chart::write(folder.path(), &rows, &about()).unwrap();
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();

@@ -29,7 +29,7 @@ fn fisheye(mapping: FisheyeMapping, degrees: f64) -> ViewKind {
     ViewKind::Fisheye { size: [160; 2], mapping, fov_rad: degrees.to_radians() }
 }
 
-/// A flat view, two eyes, a cube, domes of more and of less than half of the sky, and a map of the whole sky.
+/// Returns a flat view, a stereo view, a cube, domes that show more and less than half of the sky, and a map of the whole sky.
 fn rig_of_all() -> Rig {
     rig(vec![
         ("flat", ViewKind::Perspective { size: [160, 90], fov_y_rad: FRAC_PI_3 }),
@@ -62,7 +62,7 @@ fn render(
         .unwrap()
 }
 
-/// Luminance and solid angle, in f64, of every pixel of a frame.
+/// Returns the luminance and solid angle of every pixel of a frame, in f64.
 fn pixels(frame: &Frame, rig: &Rig) -> Vec<[f64; 2]> {
     let mappings = rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.mapping());
     let mut pixels = Vec::new();
@@ -94,14 +94,14 @@ fn exposure_of_a_rig_equals_the_f64_mean_over_its_images() {
         );
         assert!(error.abs() < 1.5e-4, "{error}");
         assert_eq!(frame.exposure_ev100, frame.metered_ev100);
-        // A mean that weights all pixels equally differs.
+        // A mean in which all pixels have the same weight gives another exposure.
         let in_picture = pixels.iter().filter(|[_, omega]| *omega > 0.0).map(|[luminance, _]| [*luminance, 1.0]);
         let unweighted = settings.exposure.metered_ev100(mean_luminance_cd_m2(in_picture));
         assert!((unweighted - expected).abs() > 0.03, "{unweighted}");
     }
 }
 
-/// Number of bytes of a display image that differ from its HDR pixels, displayed with an exposure.
+/// Counts the bytes of a display image that differ from those computed from its HDR pixels with an exposure.
 fn differing_bytes(frame: &Frame, image: usize, tone_map: &ToneMapSettings, ev100: f64) -> usize {
     let image = &frame.images[image];
     let white = white_luminance_cd_m2(ev100);
@@ -145,15 +145,15 @@ fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
         render_hdr(&mut renderer_with(options), &scene, &rig(views), &settings).exposure_ev100
     };
     let whole = GpuOptions::default();
-    // The whole sky as a map and as six cube faces.
+    // Draw the whole sky as a map and as six cube faces.
     let map = exposure(&whole, vec![("map", ViewKind::Equirectangular { size: [512, 256] })]);
     let cube = exposure(&whole, vec![("cube", ViewKind::Cubemap { face_size: 128, faces: Face::ALL.to_vec() })]);
     println!("map {map:.6}, cube {cube:.6}: {:+.1e} EV", cube - map);
     assert!((cube - map).abs() < 1e-5);
-    // One face of the six has another exposure.
+    // A single face has another exposure.
     let right = exposure(&whole, vec![("right", ViewKind::Cubemap { face_size: 128, faces: vec![Face::Right] })]);
     assert!((right - map).abs() > 0.1, "{right}");
-    // A window, and the same window cut in two off-axis halves; stars on the cut are partly in both.
+    // Draw a window, and the same window cut in two off-axis halves. Stars on the cut are partly in each half.
     let window = |left_rad: f64, right_rad: f64, width: u32| {
         let fov = Fov { left_rad, right_rad, up_rad: 0.6, down_rad: -0.6 };
         ViewKind::OffAxis { size: [width, 256], fov }
@@ -162,7 +162,7 @@ fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
     let two = exposure(&whole, vec![("left", window(-0.6, 0.0, 128)), ("right", window(0.0, 0.6, 128))]);
     println!("window {one:.6}, two halves {two:.6}: {:+.1e} EV", two - one);
     assert!((two - one).abs() < 1e-5);
-    // Strips of a few rows, as on an adapter with small bindings.
+    // Draw strips of a few rows, as on an adapter with small bindings.
     for rows in [17, 40] {
         let options = GpuOptions { binding_limit_bytes: Some(16 * 256 * rows), ..GpuOptions::default() };
         let strips = exposure(&options, vec![("whole", window(-0.6, 0.6, 256))]);
@@ -185,7 +185,7 @@ fn darkness_has_the_lowest_exposure_and_stays_black() {
     }
 }
 
-/// Metering does not depend on the frame before, however bright and large it was.
+/// Metering does not depend on the previous frame, however bright and large it was.
 #[test]
 fn exposure_does_not_depend_on_earlier_frames() {
     let small = rig(vec![("small", ViewKind::Perspective { size: [61, 37], fov_y_rad: 1.0 })]);
@@ -211,7 +211,7 @@ fn exposure_does_not_depend_on_earlier_frames() {
 }
 
 /// The Sun appears among the stars and disappears again. Every frame equals its own HDR image at the reported exposure;
-/// the exposure is monotonic, and does not depend on the frame rate.
+/// the exposure changes monotonically, and does not depend on the frame rate.
 #[test]
 fn adaptation_to_the_sun_and_back_is_monotonic() {
     use steradian::{
@@ -225,7 +225,7 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
     let day = snapshot(stars().chain([star(glam::DVec3::new(0.2, 0.1, -1.0), -26.7)]).collect());
     let exposure = ExposureSettings::auto(Metering::Mean);
     let settings = RenderSettings { exposure, ..RenderSettings::default() };
-    // Exposures at every tenth of a second, from the first frame with the Sun and from the first frame after it.
+    // Returns the exposures at every tenth of a second after the Sun appears, and at every tenth of a second after it disappears.
     let mut run = |rate_hz: u32| {
         let mut eye = Adaptation::default();
         let mut tenths = Vec::new();
@@ -251,7 +251,7 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
                 if frame == 0 {
                     start = ev100;
                 }
-                // The exposure is monotonic and never overshoots the goal. The frame stores its exposure as f32.
+                // The exposure is monotonic and never overshoots the goal. The tolerance allows for the f32 in which the frame stores its exposure.
                 if previous.is_finite() && frame > 0 {
                     let (low, high) = if metered > previous { (previous, metered) } else { (metered, previous) };
                     assert!((low - 1e-5..=high + 1e-5).contains(&ev100), "frame {frame}: {previous} {ev100} {metered}");
@@ -269,7 +269,7 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
                         assert!((f64::from(*byte) - 255.0 * value).abs() <= 1.02, "frame {frame}: {byte} for {value}");
                     }
                 }
-                // A frame may be all black or all white only as long as an eye that adapts by the closed form would also see it so.
+                // A frame may be all black or all white only while it would be so for an eye that adapts according to the closed form.
                 let elapsed_s = f64::from(frame) * dt_s;
                 let eye_ev100 =
                     goal + (start - goal) * (-elapsed_s / settings.exposure.auto_or_default().adaptation_s).exp();
@@ -310,7 +310,7 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
     assert!(runs[0][39] > runs[0][0] + 15.0, "the Sun is far brighter than the stars");
 }
 
-/// Median of the codes of G over the sky within 30 degrees of the zenith, in a dome of a size.
+/// Returns the median of the codes of G over the sky within 30 degrees of the zenith, in a dome with sides of `size` pixels.
 fn zenith_code(size: u32, time: &str, reference_arcmin: f64) -> u8 {
     let (scene, rig, settings) = configured(
         "tonight.toml",
@@ -338,7 +338,7 @@ fn zenith_code(size: u32, time: &str, reference_arcmin: f64) -> u8 {
 fn a_small_dome_has_the_sky_of_the_large_one_and_its_zenith_darkens_after_dusk() {
     let mut last = u8::MAX;
     for time in ["16:10", "16:40", "17:00", "17:20", "18:00", "20:00"].map(|time| format!("2026-11-09T{time}:00Z")) {
-        // The pixels of a dome of 1024 pixels, and of one of 4096.
+        // The reference pixels are those of a dome of 1024 pixels, and those of a dome of 4096 pixels.
         let codes = [128, 256, 512, 1024].map(|size| zenith_code(size, &time, 9.57));
         let own = [128, 512].map(|size| zenith_code(size, &time, 0.0));
         let of_4096 = zenith_code(256, &time, 2.39);

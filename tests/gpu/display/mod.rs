@@ -1,4 +1,4 @@
-//! Display images: exposure, metering and tone mapping.
+//! Tests of display images: exposure, metering and tone mapping.
 
 mod exposure;
 mod spot;

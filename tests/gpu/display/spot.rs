@@ -1,5 +1,5 @@
-//! Spot metering: the mean luminance of the cone equals the f64 mean of the stars and bodies in it, whichever views are
-//! drawn.
+//! Spot metering: the mean luminance of the cone equals the f64 mean over the stars and bodies in it, and does not
+//! depend on which views are drawn.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -28,7 +28,7 @@ fn spot_settings() -> RenderSettings {
     settings
 }
 
-/// A flat view along +x, and a view of the whole sky.
+/// Returns a flat view along +x, and a view of the whole sky.
 fn rig_of_two() -> Rig {
     let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, AHEAD);
     let ahead = ViewKind::Perspective { size: [160, 120], fov_y_rad: PI / 3.0 };
@@ -40,14 +40,14 @@ fn angle_deg(direction: DVec3) -> f64 {
     AHEAD.angle_between(direction).to_degrees()
 }
 
-/// Stars everywhere except near the rim of the cone, where kernels would be partly outside; farther from the axis they
-/// are brighter.
+/// Returns stars everywhere except near the rim of the cone, where kernels would be partly outside. Stars farther from
+/// the axis are brighter.
 fn stars() -> Vec<StarRecord> {
     let away_from_the_rim = |direction: &DVec3| (angle_deg(*direction) - 0.5 * SPOT_DEG).abs() > 0.6;
     spiral(40_000).filter(away_from_the_rim).map(|d| star(d, 8.0 - 0.05 * angle_deg(d) as f32)).collect()
 }
 
-/// Mean luminance of the stars in a cone around +x, cd/m^2.
+/// Returns the mean luminance of the stars in a cone around +x, cd/m^2.
 fn mean_of_cone(stars: &[StarRecord], across_deg: f64) -> f64 {
     let inside = stars.iter().filter(|star| angle_deg(star.position) < 0.5 * across_deg);
     let light_lx: f64 = inside.map(|star| illuminance_lx_from_magnitude(f64::from(star.magnitude))).sum();
@@ -76,7 +76,7 @@ fn spot_exposure_equals_the_f64_mean_of_the_cone() {
         assert_eq!(frame.exposure_ev100, frame.metered_ev100);
         let ratio = frame.mean_luminance_cd_m2 / mean_of_cone(&stars, SPOT_DEG);
         assert!((ratio - 1.0).abs() < 1e-3, "{ratio}");
-        // A wider cone, the whole sky and a mean that is 10 % smaller have other exposures.
+        // A wider cone, the whole sky, and a mean that is 10 % smaller give other exposures.
         let whole = stars.iter().map(|star| illuminance_lx_from_magnitude(f64::from(star.magnitude))).sum::<f64>();
         let flat = mean_of_cone(&stars, SPOT_DEG) * 0.9;
         for wrong in [mean_of_cone(&stars, 2.0 * SPOT_DEG), whole / (4.0 * PI), flat] {
@@ -108,7 +108,7 @@ fn unrequested_views_are_not_drawn_and_keep_the_spot_exposure() {
     assert_eq!(both.exposure_ev100.to_bits(), second.exposure_ev100.to_bits());
     assert!(both.views[0].stars_drawn > 0 && second.views[0].stars_drawn == 0);
     assert_eq!(both.images[1].display, second.images[0].display);
-    // HDR images do not change the exposure, and the picture equals one with the same exposure set manually.
+    // Requesting HDR images does not change the exposure, and the picture equals one with the same manual exposure.
     let with_hdr = draw(&scene, &settings, [Wanted::both(); 2], None);
     assert_eq!(with_hdr.exposure_ev100.to_bits(), both.exposure_ev100.to_bits());
     let mut manual = settings.clone();
@@ -137,7 +137,8 @@ fn a_spot_without_light_stays_within_the_limits() {
     assert_eq!((dark.exposure_ev100, dark.mean_luminance_cd_m2), (-9.0, 0.0));
     let sun = snapshot(vec![star(AHEAD, -26.7)]);
     assert_eq!(draw(&sun, &settings, [Wanted::display(); 2], None).exposure_ev100, 4.0);
-    // A spot without light, with the default glare and other methods: within the limits, and reproducible.
+    // With a spot that has no light, for the default glare and other methods, the exposure is within its limits and
+    // reproducible.
     for method in [StarMethod::Auto, StarMethod::PackedCasSorted, StarMethod::CellSky, StarMethod::GaussianPsf] {
         let mut settings = RenderSettings { exposure: settings.exposure, ..RenderSettings::default() };
         settings.stars.method = method;

@@ -63,7 +63,7 @@ fn each_view_equals_the_view_drawn_alone_with_its_settings() {
     let groups = frame_groups(&rig, &RenderSettings::default(), &views);
     assert_eq!(groups.len(), 3);
     let mut one_renderer = renderer();
-    // Two rounds: state kept for one group must not affect another.
+    // Draw two rounds, because the state that is kept for one group must not affect another one.
     for round in 0..2 {
         for (number, group) in groups.iter().enumerate() {
             let frame = draw(&mut one_renderer, &scene, &groups, number);
@@ -76,7 +76,7 @@ fn each_view_equals_the_view_drawn_alone_with_its_settings() {
                 assert_eq!(image.display, expected.display, "round {round}, view {number}");
                 assert_eq!(image.hdr, expected.hdr, "round {round}, view {number}");
             }
-            // The settings of another view give another picture.
+            // With the settings of another view, the picture differs.
             let other = &groups[(number + 1) % 3].settings;
             let request = FrameRequest::new(&scene, &alone).settings(other).wanted(Wanted::display());
             assert_ne!(renderer().render(request).unwrap().images[0].display, frame.images[0].display);
@@ -106,7 +106,7 @@ fn alternating_groups_create_no_gpu_objects_once_warm() {
     assert!(made[0] > 0 && made[9..].iter().all(|made| *made == 0), "{made:?}");
 }
 
-/// One view with the general settings, and a group of two, one of them without glare.
+/// One view has the general settings. A group consists of two views, one of them without glare.
 fn group_of_two(metering: Metering) -> [ViewSettings; 3] {
     let in_group = |glare: GlareSettings| {
         let mut settings = own_settings("", |view| view.glare = glare);
@@ -128,12 +128,12 @@ fn views_of_a_group_share_one_exposure() {
         assert_eq!([&groups[0].views[..], &groups[1].views, &groups[2].views], [&[1][..], &[0], &[2]]);
         assert_eq!(first.exposure_ev100.to_bits(), second.exposure_ev100.to_bits(), "{metering:?}");
         assert_ne!(first.exposure_ev100, general.exposure_ev100, "{metering:?}");
-        // It equals the exposure of the group's views alone, with the settings of its first view.
+        // It equals the exposure of the group's views drawn alone, with the settings of the first of them.
         let both = rig.of_views(&[0, 2]);
         let request = FrameRequest::new(&scene, &both).settings(&groups[1].settings).wanted(Wanted::hdr());
         let expected = renderer.render(request).unwrap().exposure_ev100;
         assert!((first.exposure_ev100 - expected).abs() < 2e-5, "{metering:?}: {} {expected}", first.exposure_ev100);
-        // It differs from the exposure of all views, and of each view alone.
+        // It differs from the exposure for all views, and from that for each single view.
         if metering == Metering::Mean {
             for wrong in [&[0, 1, 2][..], &[0], &[2]] {
                 let request_rig = rig.of_views(wrong);

@@ -46,7 +46,7 @@ fn an_unrequested_view_is_not_drawn() {
     assert_eq!(one.images.len(), 1);
     assert!(both.views[0].stars_drawn > 0 && one.views[0].stars_drawn == 0);
     assert_eq!(one.views[1].stars_drawn, both.views[1].stars_drawn);
-    // The exposure comes from the first view, whether it is drawn or not.
+    // The exposure is that of the first view, whether this view is drawn or not.
     assert_eq!(one.exposure_ev100, both.exposure_ev100);
     assert_eq!(one.images[0].display, both.images[1].display);
 }

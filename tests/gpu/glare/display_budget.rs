@@ -1,4 +1,4 @@
-//! Display images stay within an error budget of codes, compared with exact frames before rounding.
+//! The errors of display images, compared with exact frames before rounding to codes, are within their budget.
 
 use glam::DQuat;
 use steradian::{
@@ -14,7 +14,7 @@ const CONFIGURATION: &[&str] = &[
     "exposure.mode=manual",
 ];
 
-/// Errors of a frame drawn within the budget of display images, compared with the same frame drawn exactly.
+/// Returns the errors of a frame drawn within the budget of display images, compared with the same frame drawn exactly.
 fn errors(file: &str, set: &[&str], ev100: f64, turn_rad: f64) -> DisplayErrors {
     let exposure = format!("exposure.ev100={ev100}");
     let (mut scene, rig, settings) = configured(file, &[CONFIGURATION, set, &[exposure.as_str()]].concat());
@@ -33,8 +33,9 @@ fn display_images_keep_their_budget() {
     let dome: &[&str] = &["views.dome.size=[512,512]", "views.lens.size=[512,512]"];
     let flat: &[&str] = &["views.0.size=[320,180]"];
     let whole_sky: &[&str] = &["views.0.size=[1024,512]"];
-    // Limits are about twice the measured values: 99.9 % quantile and largest. The budget itself is 0.5 and 2 codes. At
-    // EV100 -8.5, pixels of half a degree (0.57) and the rows at a pole (2.4) exceed it.
+    // The limits of the 99.9 % quantile and of the largest error are about twice the measured values. The budget itself
+    // is 0.5 and 2 codes. At EV100 -8.5, two values exceed it: the quantile with pixels of half a degree (0.57), and
+    // the largest error in the rows at a pole (2.4).
     let cases = [
         ("dome.toml", dome, -5.4, [0.7, 1.6]),
         ("dome.toml", dome, -8.5, [0.8, 2.0]),
@@ -57,7 +58,8 @@ fn display_images_keep_their_budget() {
     assert!(problems.is_empty(), "{}", problems.join("\n"));
 }
 
-/// An observer with ground, air, Sun, Moon and planets: on a night with the Moon, on a dark one, at noon and at dusk.
+/// The scene has an observer, ground, air, Sun, Moon and planets. The times are a night with the Moon, a dark night,
+/// noon and dusk.
 #[test]
 fn display_images_of_a_place_keep_their_budget() {
     let mut problems = Vec::new();

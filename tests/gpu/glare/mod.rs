@@ -1,4 +1,4 @@
-//! Glare on the adapter.
+//! Tests of glare on the adapter.
 
 mod display_budget;
 mod objects;

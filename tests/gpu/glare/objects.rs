@@ -1,5 +1,5 @@
-//! Glare of bodies and asteroids: it conserves light, and a disc does not show the points that its glare is computed
-//! from.
+//! Glare of bodies and asteroids: it conserves light, and the points from which the glare of a disc is computed are not
+//! visible on the disc.
 
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ fn bodies(bodies: Vec<Body>) -> SceneSnapshot {
     scene(SceneObjects { bodies: bodies.into_iter().map(Arc::new).collect(), ..Default::default() })
 }
 
-/// A sun 60 degrees wide, darker towards its limb.
+/// Returns a scene with a sun 60 degrees wide that is darker towards its limb.
 fn wide_sun() -> SceneSnapshot {
     let mut sun = Body::preset(SolarBody::Sun, "sun", DVec3::new(0.3, 0.2, -2.0) * 1e9);
     sun.radii_m = DVec3::new(1.1e9, 1e9, 0.9e9);
@@ -43,7 +43,7 @@ fn wide_sun() -> SceneSnapshot {
     bodies(vec![sun])
 }
 
-/// A swarm of asteroids 40 degrees wide, each at most a few pixels in size.
+/// Returns a scene with a swarm of asteroids 40 degrees wide. Each asteroid is at most a few pixels in size.
 fn swarm() -> SceneSnapshot {
     let shapes = Arc::new(ShapeSet::procedural(1));
     let parameters = FieldParameters {
@@ -104,7 +104,7 @@ fn glare_of_bodies_and_asteroids_conserves_light() {
     }
 }
 
-/// Glare multiplies the disc of a body by a nearly constant factor, so the points that its glare is computed from are
+/// Glare multiplies the disc of a body by a nearly constant factor, so the points from which the glare is computed are
 /// not visible.
 #[test]
 fn glare_on_a_disc_is_uniform() {

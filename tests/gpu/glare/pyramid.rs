@@ -1,4 +1,4 @@
-//! The published glare pyramids: agreement with the f64 reference, and their known errors.
+//! The published glare pyramids agree with the f64 reference, and have their known errors.
 
 use std::f64::consts::PI;
 
@@ -39,7 +39,7 @@ fn perspective(size: [u32; 2], degrees: f64) -> ViewKind {
     ViewKind::Perspective { size, fov_y_rad: degrees.to_radians() }
 }
 
-/// R, G and B of every pixel, of all images of a frame.
+/// Returns R, G and B of every pixel of all images of a frame.
 fn images(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> Vec<Vec<[f32; 4]>> {
     render_hdr(renderer, scene, rig, settings).images.into_iter().map(|image| image.hdr.unwrap()).collect()
 }
@@ -121,7 +121,7 @@ fn other_axes_weights_or_a_shift_fail_the_comparison() {
     }
 }
 
-/// Strips with an odd number of rows cut the blocks of 2 x 2 pixels at the base of the pyramid.
+/// The strips have an odd number of rows, so their borders cut blocks of 2 x 2 pixels at the base of the pyramid.
 #[test]
 fn pyramids_in_strips_give_the_same_bits_as_a_whole_picture() {
     let strips = GpuOptions { binding_limit_bytes: Some(160 * 16 * 25), ..Default::default() };
@@ -134,7 +134,7 @@ fn pyramids_in_strips_give_the_same_bits_as_a_whole_picture() {
     let scene = stars_everywhere();
     for method in METHODS {
         let settings = with_glare_of(method, PyramidWeights::Equal, 0.3);
-        // The plan chooses one unit of the sums per frame, not per batch, so stars are equal too.
+        // The plan chooses the unit of the sums per frame, not per batch, so even the stars are equal.
         assert_eq!(images(&mut whole, &scene, &rig, &settings), images(&mut cut, &scene, &rig, &settings));
     }
 }
@@ -158,7 +158,7 @@ fn a_frame_does_not_depend_on_the_brightness_of_the_previous_one() {
     }
 }
 
-/// Scattered light of one view, cd/m^2: with a fraction of 1 only scattered light remains.
+/// Returns the scattered light of one view, cd/m^2. It is drawn with a fraction of 1, with which only scattered light remains.
 fn veil(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,
@@ -183,15 +183,14 @@ fn lux(veil: &[f64], projection: &Projection) -> f64 {
         .sum()
 }
 
-/// `direction` rotated by `angle_rad` in the direction of `azimuth_rad`, which is counted from the outward direction,
-/// away from the view axis.
+/// Rotates `direction` by `angle_rad` towards `azimuth_rad`. An azimuth of 0 points outwards, away from the view axis.
 fn rotated(direction: DVec3, angle_rad: f64, azimuth_rad: f64) -> DVec3 {
     let outwards = (DVec3::Z - direction * direction.z).normalize();
     let across = direction.cross(outwards);
     direction * angle_rad.cos() + (outwards * azimuth_rad.cos() + across * azimuth_rad.sin()) * angle_rad.sin()
 }
 
-/// Interpolated luminance in a direction.
+/// Returns the interpolated luminance in a direction.
 fn luminance_towards(veil: &[f64], projection: &Projection, direction: DVec3) -> f64 {
     let mapping = projection.mapping();
     let position = mapping.pixel_from_direction(direction).unwrap() - 0.5;
@@ -201,7 +200,7 @@ fn luminance_towards(veil: &[f64], projection: &Projection, direction: DVec3) ->
     row(0) * (1.0 - part.y) + row(1) * part.y
 }
 
-/// Returns the light of the glare of a star over the light of the star, and the luminance of the glare.
+/// Returns the light of the glare of a star divided by the light of the star, and the luminance of the glare.
 fn glare_of_star(
     renderer: &mut Renderer,
     rig: &Rig,
@@ -232,20 +231,19 @@ fn glare_of_a_central_star_is_symmetric_and_has_the_weighted_profile() {
                 let found = veil[128 * 256 + 128 + distance_px as usize] / veil.iter().sum::<f64>();
                 assert!((found / expected - 1.0).abs() < 0.025, "{method:?} {weights:?}: {found} {expected}");
             }
-            // Slope from 10 to 40 pixels off the star.
+            // Logarithmic slope of the luminance from 10 to 40 pixels off the star.
             let found = (veil[128 * 256 + 168] / veil[128 * 256 + 138]).ln() / (40.5_f64 / 10.5).ln();
             assert!((found - slope).abs() < 0.06, "{method:?} {weights:?}: {found}");
         }
     }
 }
 
-/// The pyramids blur luminance. If all pixels have almost the same solid angle, light is kept except for the part that
-/// leaves the picture. In a wide picture the widest levels reach pixels of smaller solid angles; along great circles
-/// they reach more of them.
+/// The pyramids blur luminance. If all pixels have almost the same solid angle, light is kept except for the part that leaves the picture. In a wide
+/// picture, the widest levels reach pixels with smaller solid angles, and even more of these if they blur along great circles.
 #[test]
 fn glare_keeps_light_in_narrow_pictures_but_not_in_wide_ones() {
     let mut renderer = renderer();
-    // Kept shares with equal and with halved weights, on the screen axes and on the view axes.
+    // Expected shares of the light: on the screen axes with equal and with halved weights, then the same on the view axes.
     for (degrees, expected) in [(20.0, [0.973, 0.997, 0.980, 0.998]), (140.0, [0.674, 0.916, 1.087, 1.025])] {
         let rig = rig(vec![("view", perspective([256, 256], degrees))]);
         let cases = METHODS.into_iter().flat_map(|method| WEIGHTS.map(|weights| (method, weights)));
@@ -256,10 +254,9 @@ fn glare_keeps_light_in_narrow_pictures_but_not_in_wide_ones() {
     }
 }
 
-/// At an angle a off the axis of a flat picture, a small angle covers 1 / cos a times as many pixels radially as across.
-/// Glare that is round on the screen and falls off with the square of the distance is therefore cos^2 a times as bright
-/// there: 0.5 at 45 degrees, 0.25 at 60. The view-space method has 0.88 to 1.00, because its taps are a few texels apart
-/// where pixels are small.
+/// At an angle a off the axis of a flat picture, a small angle covers 1 / cos a times as many pixels in the radial direction as across it. Glare that
+/// is round on the screen and falls off with the square of the distance is therefore cos^2 a times as bright there: 0.5 at 45 degrees, 0.25 at 60.
+/// The view-space method has 0.88 to 1.00, because its taps are a few texels apart where pixels are small.
 #[test]
 fn off_axis_glare_is_elliptic_on_screen_axes_and_rounder_on_view_axes() {
     let mut renderer = renderer();
@@ -272,7 +269,7 @@ fn off_axis_glare_is_elliptic_on_screen_axes_and_rounder_on_view_axes() {
             let [screen, view] = METHODS.map(|method| {
                 let (_, veil) = glare_of_star(&mut renderer, &rig, direction, method, PyramidWeights::Equal);
                 let luminance = |azimuth_rad: f64| {
-                    // The mean over a few rings, because single rings show the taps of the blurs.
+                    // Use the mean over a few rings, because the taps of the blurs are visible in single rings.
                     let ring = |angle_deg: f64| {
                         let direction = rotated(direction, angle_deg.to_radians(), azimuth_rad);
                         luminance_towards(&veil, projections(&rig)[0], direction) * angle_deg * angle_deg
@@ -287,7 +284,7 @@ fn off_axis_glare_is_elliptic_on_screen_axes_and_rounder_on_view_axes() {
     }
 }
 
-/// A star approaches the right edge and leaves the picture; positions in pixels from the centre.
+/// A star approaches the right edge and leaves the picture. Positions are in pixels from the centre.
 #[test]
 fn glare_is_too_bright_at_edges_and_missing_beyond_them() {
     let mut renderer = renderer();
@@ -308,7 +305,7 @@ fn glare_is_too_bright_at_edges_and_missing_beyond_them() {
         // the star has.
         let (edge, _) = glare_at(126.5);
         assert!((edge - at_edge).abs() < 0.02, "{method:?}: {edge}");
-        // Once no pixel contains any of the star, the veil vanishes, although half of its light should be in the picture.
+        // Once no pixel contains light of the star, the veil vanishes, although half of the veil's light should be in the picture.
         assert_eq!(glare_at(131.0), (0.0, 0.0), "{method:?}");
     }
 }
@@ -333,7 +330,7 @@ fn taps_behind_the_eye_mirror_a_star_in_a_wide_picture() {
     let left_direction = DVec3::new(-70_f64.to_radians().tan(), 0.0, -1.0);
     let [screen, view] = METHODS.map(|method| {
         let (_, veil) = glare_of_star(&mut renderer, &rig, left_direction, method, PyramidWeights::Equal);
-        // Luminance at the right border, relative to a point half way between the centre and the border.
+        // Ratio of the luminance at the right border to that at a point half way between the centre and the border.
         veil[64 * 128 + 124] / veil[64 * 128 + 84]
     });
     assert!(screen < 0.2, "{screen}");

@@ -1,5 +1,5 @@
-//! `sky_cube` beyond the checks of `verify`: state kept between frames, short sprite lists, parallax, aberration, and
-//! kernels that end.
+//! Tests of `sky_cube` in addition to the checks of `verify`: state kept between frames, short sprite lists, parallax, aberration, and kernels that
+//! end.
 
 use crate::common::*;
 use glam::{DQuat, DVec3};
@@ -53,7 +53,7 @@ fn glare_does_not_depend_on_earlier_frames() {
     let other = crowd(300);
     let mut wider = scattered();
     wider.glare.inner_deg = 0.5;
-    // The same cells, and other sources that are drawn individually.
+    // The cells are the same, but other sources are drawn individually.
     let mut finer = scattered();
     finer.accuracy.glare *= 0.01;
     let mut used = renderer();
@@ -73,7 +73,7 @@ fn glare_does_not_depend_on_earlier_frames() {
     assert!(of_used[0] == of_used[5] && [1, 2, 3, 6].into_iter().all(|other| of_used[0] != of_used[other]));
 }
 
-/// The glare of a star near enough for parallax inside of a cached map is around the star as the camera sees it.
+/// If a star is so near that it shows parallax within a cached map, its glare is around the position at which the camera sees it.
 #[test]
 fn glare_of_a_near_star_follows_parallax() {
     let rig = rig(vec![("window", ViewKind::Perspective { size: [100, 100], fov_y_rad: 0.01 })]);
@@ -91,11 +91,11 @@ fn glare_of_a_near_star_follows_parallax() {
     let both_shifted = draw(camera_m, camera_m + ahead_m);
     let same = difference(&both_shifted, &from_the_centre);
     let parallax = difference(&draw(camera_m, ahead_m), &from_the_centre);
-    println!("camera and star shifted together: {same:.1e}; camera shifted alone: {parallax:.2}");
+    println!("camera and star shifted together: {same:.1e}; only the camera shifted: {parallax:.2}");
     assert!(same < 1e-6 && parallax > 0.05);
 }
 
-/// If the binding limit cuts sprite lists short, pixels search the list of their square, and then the sky.
+/// If the binding limit truncates sprite lists, pixels search the list of their square, and then that of the whole sky.
 #[test]
 fn short_sprite_lists_lose_no_light() {
     let scene = crowd(3000);
@@ -114,7 +114,7 @@ fn short_sprite_lists_lose_no_light() {
     }
 }
 
-/// A moving camera sees the glare around the aberrated position of the star.
+/// A moving camera sees glare around the aberrated position of the star.
 #[test]
 fn glare_follows_aberration() {
     let mut scene = snapshot(vec![star(DVec3::new(0.9, 0.0, -0.2), 0.0)]);
@@ -138,7 +138,7 @@ fn glare_follows_aberration() {
     assert!(moving > 10.0 * at_rest);
 }
 
-/// A kernel table that ends near the source gives no light beyond, and does not draw the star over the whole sky.
+/// If the table of a kernel ends near the source, there is no light beyond its end, and the star is not drawn over the whole sky.
 #[test]
 fn a_kernel_table_gives_light_only_up_to_its_end() {
     let folder = tempfile::tempdir().unwrap();
@@ -159,7 +159,7 @@ fn a_kernel_table_gives_light_only_up_to_its_end() {
         let expected = illuminance_lx * kernel.per_sr(angle);
         let found = f64::from(hdr[150 * 300 + column as usize][1]);
         let scale = illuminance_lx * kernel.per_sr(0.05);
-        // The light has no colour to within a tenth. It is spread over two pixels, and fades towards the end of the table.
+        // The colour of the light is neutral to within a tenth. The light is spread over two pixels, and fades towards the end of the table.
         if (0.004..0.03).contains(&angle) {
             assert!((found / expected - 1.0).abs() < 0.2, "{angle}: {found} {expected}");
         } else if angle > 0.2 {
@@ -168,7 +168,7 @@ fn a_kernel_table_gives_light_only_up_to_its_end() {
     }
 }
 
-/// The procedural sky has no catalogue stars that could cause glare.
+/// The procedural sky does not draw the stars of catalogues, so there is no source of glare.
 #[test]
 fn glare_with_the_procedural_sky_is_refused() {
     let mut settings = scattered();

@@ -35,11 +35,10 @@ use steradian::{
     },
 };
 
-/// Exposure of all tests. It is dark, so that `psf_texture` is hardly cropped, and set manually, so that the f64 reference
-/// can use it.
+/// Exposure of all tests. It is so dark that `psf_texture` is hardly cropped. It is set manually, so that the f64 reference can use it.
 const EV100: f64 = -14.0;
-/// Light of a star drawn as the published glare disc, relative to the star: 0.8 from the cone, plus 0.2 times a half times
-/// the mean of max(0, 0.5 / (r + 0.1)^2 - 0.5) over the disc from the glare.
+/// Light of a star that is drawn as the published disc with glare, relative to the light of the star. The cone gives 0.8. The glare gives 0.2 times a
+/// half times the mean of max(0, 0.5 / (r + 0.1)^2 - 0.5) over the disc.
 const GLARE_DISC_LIGHT: f64 = 0.8 + 0.2 * 0.5 * 0.997_585;
 
 fn blending() -> impl Iterator<Item = StarMethod> {
@@ -60,7 +59,7 @@ fn mapping(rig: &Rig, view: usize) -> &dyn PlaneMapping {
     rig.views()[view].images[0].projection.mapping()
 }
 
-/// The picture of the f64 reference.
+/// Draws the picture of the f64 reference.
 fn twin(scene: &SceneSnapshot, rig: &Rig, view: usize, settings: &RenderSettings) -> Vec<[f64; 3]> {
     let image = sprite(SPRITE_SIZE);
     let psf = psf_of(settings);
@@ -76,12 +75,12 @@ fn psf_of(settings: &RenderSettings) -> Option<DrawnPsf> {
     (settings.stars.method == StarMethod::PsfTexture).then(|| DrawnPsf::new(&texture()))
 }
 
-/// Larger than any texture side in these tests; every adapter supports it.
+/// This limit exceeds the sides of all textures in these tests, and every adapter supports it.
 fn renderer_side_limit() -> u32 {
     8192
 }
 
-/// Sum of the absolute differences over the sum of the expected light.
+/// Returns the sum of the absolute differences divided by the sum of the expected light.
 fn difference(frame: &Frame, view: usize, expected: &[[f64; 3]]) -> f64 {
     let hdr = frame.images[view].hdr.as_ref().expect("asked for");
     let total: f64 = expected.iter().map(|rgb| luminance(*rgb)).sum();
@@ -95,7 +94,7 @@ fn difference(frame: &Frame, view: usize, expected: &[[f64; 3]]) -> f64 {
     sum / (3.0 * total)
 }
 
-/// Stars of several magnitudes and colours all around.
+/// Returns stars of several magnitudes and colours in all directions.
 fn sky() -> Vec<StarRecord> {
     spiral(400)
         .enumerate()
@@ -108,7 +107,7 @@ fn sky() -> Vec<StarRecord> {
 
 fn limit_of(method: StarMethod) -> f64 {
     match method {
-        // A pixel centre within the precision of f32 of the edge of a disc can be inside for one and outside for the other.
+        // If a pixel centre is within the precision of f32 from the edge of a disc, it can be inside for one renderer and outside for the other.
         StarMethod::Disc => 5e-3,
         _ => 1e-3,
     }
@@ -155,8 +154,8 @@ fn another_method_or_a_missing_star_fails_the_comparison() {
     assert!(difference(&frame, 0, &twin(&snapshot(short), &rig, 0, &settings)) > limit);
 }
 
-/// Light of one star of magnitude -1 in a view of 110 degrees, over `expected_lx(mapping, pixel)`: mean over sub-pixel
-/// positions near the centre, and near 45 degrees off the axis.
+/// Returns the light of one star of magnitude -1 in a view of 110 degrees, divided by `expected_lx(mapping, pixel)`: the mean over sub-pixel
+/// positions near the centre, and that near 45 degrees off the axis.
 fn light_over(
     renderer: &mut Renderer,
     settings: &RenderSettings,
@@ -182,9 +181,9 @@ fn the_light_of_a_star_equals_the_published_formula() {
     let mut renderer = renderer();
     let star_lx = illuminance_lx_from_magnitude(-1.0);
     let pixel_sr = |mapping: &dyn PlaneMapping, at: DVec2| mapping.solid_angle_sr(at.x as u32, at.y as u32);
-    // Tolerances: the sum over the pixel centres of a disc with a radius of about 7 pixels approximates an integral, within
-    // 1 % if the edge is sharp; the solid angle varies across a footprint (by 1 % at 45 degrees); the solid angles of points
-    // are computed from triangles in f32.
+    // The tolerances have three reasons. The sum over the pixel centres of a disc with a radius of about 7 pixels approximates an integral, within 1
+    // % if the edge is sharp. The solid angle varies across a footprint, by 1 % at 45 degrees. The solid angles of points are computed from triangles
+    // in f32.
     for (method, light, tolerance) in [
         (StarMethod::HardwarePoint, 1.0, 2e-3),
         (StarMethod::Disc, 1.0, 1e-2),
@@ -197,7 +196,7 @@ fn the_light_of_a_star_equals_the_published_formula() {
         settings.stars.billboard.diameter_arcmin = 240.0;
         let found = light_over(&mut renderer, &settings, |_, _| star_lx * light);
         println!(
-            "{}: light over {light:.4} times the light of the star: {:.4} in the centre, {:.4} at 45 degrees",
+            "{}: light relative to {light:.4} times the light of the star: {:.4} in the centre, {:.4} at 45 degrees",
             method.name(),
             found[0],
             found[1]
@@ -209,19 +208,19 @@ fn the_light_of_a_star_equals_the_published_formula() {
     // or on an edge of a pixel, and to more in between.
     let found = light_over(&mut renderer, &manual(StarMethod::HardwareSmoothPoint), |_, _| star_lx);
     println!(
-        "hardware_smooth_point: light over the light of the star: {:.4} in the centre, {:.4} at 45 degrees",
+        "hardware_smooth_point: light relative to that of the star: {:.4} in the centre, {:.4} at 45 degrees",
         found[0], found[1]
     );
     assert!(found.iter().all(|found| (1.0..1.2).contains(found)), "{found:?}");
 
-    // Methods with relative brightness: in units of display white, over a number of pixels.
+    // For methods with relative brightness, the light is in units of display white times a number of pixels.
     let mut settings = manual(StarMethod::ScreenBillboard);
     settings.stars.billboard.screen_size_px = 12.0;
     let brightness = 10f64.powf(0.4 * (1.0 + 1.0));
     let spot = |mapping: &dyn PlaneMapping, at: DVec2| brightness * white() * PI * 36.0 / 3.0 * pixel_sr(mapping, at);
     let found = light_over(&mut renderer, &settings, spot);
     println!(
-        "screen_billboard: light over the closed form: {:.4} in the centre, {:.4} at 45 degrees",
+        "screen_billboard: light relative to the closed form: {:.4} in the centre, {:.4} at 45 degrees",
         found[0], found[1]
     );
     assert!(found.iter().all(|found| (found - 1.0).abs() < 5e-3), "{found:?}");
@@ -233,7 +232,7 @@ fn the_light_of_a_star_equals_the_published_formula() {
         let found =
             light_over(&mut renderer, &settings, |mapping, at| brightness * white() * area * pixel_sr(mapping, at));
         println!(
-            "{}: light over the closed form: {:.4} in the centre, {:.4} at 45 degrees",
+            "{}: light relative to the closed form: {:.4} in the centre, {:.4} at 45 degrees",
             method.name(),
             found[0],
             found[1]
@@ -242,7 +241,7 @@ fn the_light_of_a_star_equals_the_published_formula() {
     }
 }
 
-/// A point-spread function with a resolved core contains the light of the star.
+/// If the core of a point-spread function is resolved, the picture has all light of the star.
 #[test]
 fn a_resolved_point_spread_function_keeps_the_light() {
     let mut renderer = renderer();
@@ -266,7 +265,7 @@ fn ellipticity(image: &HdrView<'_>, direction: DVec3, radius_rad: f64) -> f64 {
     shape_rad(&[*image], direction, radius_rad).expect("light").ellipticity().expect("no point")
 }
 
-/// At 45 degrees off the axis: discs in the sky are round, screen-space squares have an ellipticity of 1 - cos 45 degrees.
+/// At 45 degrees off the axis, discs that are drawn in the sky are round, and screen-space squares have an ellipticity of 1 - cos 45 degrees.
 #[test]
 fn discs_are_round_off_axis_and_screen_billboards_are_not() {
     let mut renderer = renderer();
@@ -297,7 +296,7 @@ fn mean_and_std(values: &[f64]) -> (f64, f64) {
     (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())
 }
 
-/// Light of many equal stars at different sub-pixel positions.
+/// Returns the light of many equal stars at different sub-pixel positions.
 fn sub_pixel_light(renderer: &mut Renderer, method: StarMethod) -> Vec<f64> {
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [640, 640], fov_y_rad: 0.01 })]);
     let mapping = mapping(&rig, 0);
@@ -328,8 +327,8 @@ fn a_sampled_gaussian_flickers_and_an_integrated_one_does_not() {
     assert!((sampled - 0.014).abs() < 0.002 && integrated < 6.4e-5);
 }
 
-/// The point-spread function covers the same solid angle in views of any shape and projection: the lit pixels of a star
-/// that is not cropped, compared with a square of angles by quadrature.
+/// The point-spread function covers the same solid angle in views of any shape and projection: the lit pixels of a star that is not cropped are
+/// compared with a square of angles, which is integrated numerically.
 #[test]
 fn a_point_spread_function_has_the_same_size_in_every_view() {
     let mut renderer = renderer();
@@ -357,9 +356,9 @@ fn a_point_spread_function_has_the_same_size_in_every_view() {
         })
     };
     let found = lit(&settings);
-    println!("psf_texture: solid angle over the expected one in 16:9, 9:16 and a fisheye: {found:.4?}");
-    // Along an edge of 110 to 170 pixels, a fraction of a pixel can be lit or not; interpolation between texels of a cube
-    // lights up to one pixel more.
+    println!("psf_texture: solid angle relative to the expected one in 16:9, 9:16 and a fisheye: {found:.4?}");
+    // Along an edge of 110 to 170 pixels, a partly covered pixel can be lit or not. Interpolation between the texels of a cube lights up to one
+    // additional pixel.
     let limits = [0.01, 0.01, 0.03];
     let within = |found: [f64; 3]| (0..3).map(|view| (found[view] - 1.0).abs() < limits[view]).collect::<Vec<_>>();
     assert_eq!(within(found), [true; 3]);
@@ -397,13 +396,13 @@ fn no_seam_is_visible_between_cube_faces() {
         let across = variation(&mut renderer, method, [edge, corner]);
         let within = variation(&mut renderer, method, [inside, inside]);
         println!(
-            "{}: variation of the light {across:.2e} across edge and corner, {within:.2e} within a face",
+            "{}: the light varies by {across:.2e} across edge and corner, by {within:.2e} within a face",
             method.name()
         );
         // The light varies only with the position of the pixel centres on the profile.
         assert!(across < 1.5 * within);
     }
-    // For comparison: a quarter of the light is lost at one of 48 positions, as at a corner without a guard band.
+    // Compare with the variation if a quarter of the light is lost at one of 48 positions, as at a corner without a guard band.
     let mut light = vec![1.0; 48];
     light[30] = 0.75;
     assert!(relative_variation(&light).expect("light") > 1.5 * 1.7e-3);
@@ -464,8 +463,8 @@ fn billboards_in_strips_give_the_same_bits_and_counts() {
     }
 }
 
-/// A narrow picture needs one face of the cube, with the resolution of the picture. Faces that exceed the memory limit of
-/// a frame are refused before anything is allocated.
+/// A narrow picture needs only one face of the cube, with the resolution of the picture. If faces exceed the memory limit of a frame, they are
+/// refused before anything is allocated.
 #[test]
 fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
     let lens = |side: u32, degrees: f64| {
@@ -479,7 +478,7 @@ fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
     settings.stars.billboard.diameter_arcmin = 60.0;
     let frame = render_hdr(&mut renderer, &scene, &narrow, &settings);
     let light = illuminance_lx(&frame.images[0], mapping(&narrow, 0)) / illuminance_lx_from_magnitude(2.0);
-    println!("a disc of a degree in a fisheye of 8 degrees: light over the light of the star {light:.4}");
+    println!("a disc of a degree in a fisheye of 8 degrees: light relative to that of the star {light:.4}");
     assert!((light - 1.0).abs() < 6e-3);
     assert!(difference(&frame, 0, &twin(&scene, &narrow, 0, &settings)) < 4.2e-5);
 
@@ -534,7 +533,7 @@ fn stars_at_the_camera_and_the_sun_stay_finite() {
     }
 }
 
-/// The published exponent, a product of two ranges of magnitudes, hides stars far brighter than its own limit.
+/// The published exponent is a product of two ranges of magnitudes. It hides stars that are far brighter than the method's own limit.
 #[test]
 fn the_published_exponent_hides_stars_brighter_than_the_limiting_magnitude() {
     let plan = BillboardPlan::new(&manual(StarMethod::GaussianPsf).stars, EV100, EV100, None);
@@ -545,8 +544,7 @@ fn the_published_exponent_hides_stars_brighter_than_the_limiting_magnitude() {
     assert!(last < 3.0);
 }
 
-/// A function from a file is drawn like the computed one. A missing file fails one frame only, and changed settings take
-/// effect.
+/// A point-spread function from a file is drawn like the computed one. A missing file fails one frame only, and changed settings take effect.
 #[test]
 fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
     let mut renderer = renderer();
@@ -585,7 +583,7 @@ fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
     let found = light(&render_hdr(&mut renderer, &scene, &rig, &other));
     println!("another aperture: {:.1e}", difference(&found));
     assert!(difference(&found) > 0.05);
-    // A frame with another method does not affect the function.
+    // A frame with another method in between does not change the function.
     render_hdr(&mut renderer, &scene, &rig, &manual(StarMethod::Sprite));
     let found = light(&render_hdr(&mut renderer, &scene, &rig, &computed));
     assert_eq!(difference(&found), 0.0);

@@ -115,7 +115,7 @@ fn on_the_adapter(directions: &[DVec3], pixel_rad: f64, settings: &CellSkySettin
     bytemuck::cast_slice(&view).to_vec()
 }
 
-/// Share of the directions in which the two differ by more than `limit` in any channel.
+/// Returns the share of the directions in which the two renderers differ by more than `limit` in any channel.
 fn share_that_differs(
     found: &[[f32; 4]],
     directions: &[DVec3],
@@ -161,7 +161,7 @@ fn the_shader_equals_its_reference() {
 
 const EV100: f64 = -3.0;
 
-/// The picture in f64, cd/m^2.
+/// Returns the picture in f64, cd/m^2.
 fn picture(projection: &Projection, world_from_view: DQuat, settings: &CellSkySettings) -> Vec<[f64; 3]> {
     let mapping = projection.mapping();
     let [width, height] = mapping.size();
@@ -179,7 +179,7 @@ fn picture(projection: &Projection, world_from_view: DQuat, settings: &CellSkySe
         .collect()
 }
 
-/// Sum of the absolute differences over the sum of the expected light.
+/// Returns the sum of the absolute differences divided by the sum of the expected light.
 fn difference(found: &[[f32; 4]], expected: &[[f64; 3]]) -> f64 {
     let total: f64 = expected.iter().flatten().sum();
     let error =
@@ -190,7 +190,7 @@ fn difference(found: &[[f32; 4]], expected: &[[f64; 3]]) -> f64 {
 #[test]
 fn the_procedural_sky_equals_the_reference_in_every_projection() {
     let mut renderer = renderer();
-    // A rotated camera, and a view rotated relative to it.
+    // Use a rotated camera, and a view that is rotated relative to the camera.
     let world_from_camera = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(-0.4);
     let camera_from_view = DQuat::from_rotation_z(0.3) * DQuat::from_rotation_y(1.9);
     let kinds = [

@@ -1,4 +1,4 @@
-//! Stars of a deep store: composite stars and pages of leaves, compared with the same stars as an ordinary catalogue.
+//! Stars of a deep store: composite stars and pages of leaves are compared with the same stars in an ordinary catalogue.
 
 use std::{
     path::Path,
@@ -36,10 +36,10 @@ use crate::common::{renderer, rig};
 
 /// Direction of the middle of the stars.
 const TOWARDS: DVec3 = DVec3::new(0.0, -0.6, 0.8);
-/// Number of stars, within 12 degrees; a third of them in a cluster of 2 degrees.
+/// Number of stars, which are within 12 degrees. A third of them is in a cluster of 2 degrees.
 const STARS: usize = 60_000;
 
-/// Stars of V 11 to 19, ten times as many at each magnitude as at three magnitudes brighter.
+/// Returns stars of V 11 to 19. At each magnitude there are ten times as many as three magnitudes brighter.
 fn records() -> Vec<StarRecord> {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     (0..STARS)
@@ -61,7 +61,7 @@ fn records() -> Vec<StarRecord> {
         .collect()
 }
 
-/// A store of these stars, built once.
+/// Returns a store of these stars, which is built only once.
 pub(super) fn store() -> &'static Path {
     static STORE: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
         let folder = tempfile::tempdir().unwrap();
@@ -108,7 +108,7 @@ pub(super) fn window(fov_y_deg: f64) -> Rig {
     rig(vec![("window", kind)])
 }
 
-/// A window with so many stars per pixel that a map of faint light is worth its cost.
+/// Returns a window with so many stars per pixel that a map of faint light is worth its cost.
 fn small_window(fov_y_deg: f64) -> Rig {
     let kind = ViewKind::Perspective { size: [160, 120], fov_y_rad: fov_y_deg.to_radians() };
     rig(vec![("window", kind)])
@@ -128,7 +128,7 @@ fn luminances(frame: &Frame) -> Vec<f64> {
     frame.images[0].hdr.as_ref().unwrap().iter().map(|pixel| f64::from(pixel[1])).collect()
 }
 
-/// Sum of green light, lx.
+/// Returns the sum of green light, lx.
 fn light_lx(frame: &Frame) -> f64 {
     let pixels = frame.images[0].hdr.as_ref().unwrap().iter();
     pixels.map(|pixel| f64::from(pixel[1]) * f64::from(pixel[3])).sum()
@@ -157,7 +157,7 @@ fn leaves_draw_the_stars_of_the_catalogue() {
         assert!(expected.views[0].stars_drawn > 100);
         let [drawn, of_catalogue] = [&found, &expected].map(|frame| frame.views[0].stars_drawn as f64);
         assert!((drawn / of_catalogue - 1.0).abs() < if is_exact { 1e-9 } else { 1e-3 }, "{drawn} {of_catalogue}");
-        // The words of leaves round a star's light to 0.5 %, without changing the sum, and its distance to 0.4 %.
+        // The words of leaves round the light of a star to 0.5 %, such that the sum does not change, and its distance to 0.4 %.
         let ratio = light_lx(&found) / light_lx(&expected);
         assert!((ratio - 1.0).abs() < if is_exact { 2e-5 } else { 1e-3 }, "{place_pc} {fov_y_deg}: light {ratio}");
         if !is_exact {
@@ -170,7 +170,7 @@ fn leaves_draw_the_stars_of_the_catalogue() {
     }
 }
 
-/// Means and variances of blocks of 24 x 24 pixels.
+/// Returns the means and variances of blocks of 24 x 24 pixels.
 fn blocks(luminances: &[f64], width: usize) -> Vec<[f64; 2]> {
     let rows = luminances.len() / width;
     let mut blocks = Vec::new();
@@ -224,14 +224,14 @@ pub(super) fn with_map(
     renderer.render(request.drawn_for(Output::Display)).unwrap()
 }
 
-/// The same scene with the camera turned around an axis in the camera's frame.
+/// Returns the same scene with the camera turned around one of its own axes.
 fn turned(scene: &SceneSnapshot, axis: DVec3, angle_rad: f64) -> SceneSnapshot {
     let mut scene = scene.clone();
     scene.camera.world_from_camera *= DQuat::from_axis_angle(axis.normalize(), angle_rad);
     scene
 }
 
-/// A narrow window reads the faint stars from pieces of a map: it has the light and the graininess of the stars.
+/// A narrow window reads the faint stars from pieces of a map, and has the light and the graininess of the stars.
 #[test]
 fn a_window_reads_faint_stars_from_pieces_of_a_map() {
     let scene = deep_scene();
@@ -250,10 +250,10 @@ fn a_window_reads_faint_stars_from_pieces_of_a_map() {
         let errors = DisplayErrors::between(&stars, &map, &settings);
         let quantile = errors.quantile(0.999);
         println!("{case}: light {:.1e}, 99.9 % {quantile:.3} codes, largest {:.3}", ratio - 1.0, errors.quantile(1.0));
-        // The light of a star varies by some percent with its place among the texels, and the light of these stars is mostly that of a few hundred.
+        // The light of a star varies by a few percent with its position between the texels, and a few hundred stars give most of the light here.
         assert!((ratio - 1.0).abs() < 4e-3 && quantile < 0.6, "{case}: {ratio} {quantile}");
         assert_same_variance(case, &map, &stars, 160);
-        // A sky turned by a texel fails.
+        // The comparison must fail for a sky that is turned by a texel.
         let wrong = turned(&scene, DVec3::Y, 0.775 * fov_y_deg.to_radians() / 120.0);
         let wrong = with_map(&mut renderer, &wrong, &rig, &settings, SkyMapUse::Wait);
         let of_wrong = DisplayErrors::between(&stars, &wrong, &settings).quantile(0.999);
@@ -261,7 +261,7 @@ fn a_window_reads_faint_stars_from_pieces_of_a_map() {
     }
 }
 
-/// Only after reading the bright stars is it known whether a map is worth its cost. A frame that waits has all stars in either case.
+/// The renderer must read the bright stars before it knows whether a map is worth its cost. A frame that waits has all stars with or without a map.
 #[test]
 fn a_frame_that_waits_has_all_stars_whether_it_reads_a_map_or_not() {
     let mut renderer = renderer();
@@ -282,13 +282,13 @@ fn a_frame_that_waits_has_all_stars_whether_it_reads_a_map_or_not() {
     assert!(maps.contains(&true) && maps.contains(&false));
 }
 
-/// All composite stars are in the map, whatever their light: a crowd of faint stars is as bright with the map as without it.
+/// All composite stars are in the map, however bright they are, so a crowd of faint stars is as bright with the map as without it.
 #[test]
 fn a_crowd_of_faint_stars_keeps_its_light_in_a_map() {
     let deep = deep_scene();
     let rig = dome();
     let mut renderer = renderer();
-    // Bright steps: only stars that are much fainter than the light of a cell of the cluster may be in the map.
+    // At this exposure the steps of codes are bright, so only stars that are much fainter than the light of a cell of the cluster may be in the map.
     let mut settings = settings();
     settings.exposure = ExposureSettings::manual(-4.5);
     let map = with_map(&mut renderer, &deep, &rig, &settings, SkyMapUse::Wait);
@@ -297,20 +297,20 @@ fn a_crowd_of_faint_stars_keeps_its_light_in_a_map() {
     assert!((ratio - 1.0).abs() < 1e-4, "light {ratio}");
 }
 
-/// While a view turns, frames read pieces of the map that were drawn for earlier ones. The frame reports stars that these pieces lack, and the pieces
-/// are redrawn.
+/// While a view turns, frames read pieces of the map that were drawn for earlier frames. The frame reports stars that these pieces lack, and the
+/// pieces are redrawn.
 #[test]
 fn the_pieces_of_a_map_follow_a_turning_window() {
-    /// Greatest error of a pixel of a map with all of its stars, codes.
+    /// Largest allowed error of a pixel if the map has all of its stars, codes.
     const OF_MAP_CODES: f64 = 2.0;
     let (settings, rig) = (settings(), small_window(6.0));
     let [mut live_renderer, mut renderer] = [renderer(), renderer()];
-    // Two readers of the same store: one waits for all stars.
+    // Use two readers of the same store, one of which waits for all stars.
     let [scene, whole] = [deep_scene(), deep_scene()];
     scene.stars.deep.as_ref().unwrap().set_delay(Duration::from_millis(6));
     let at = |scene: &SceneSnapshot, number: u32| turned(scene, DVec3::Y, 0.002 * f64::from(number));
     let mut live = |number: u32| with_map(&mut live_renderer, &at(&scene, number), &rig, &settings, SkyMapUse::InTurn);
-    // A new map is not begun in the first frame.
+    // The first frame does not begin a new map.
     assert_eq!(live(0).views[0].stars_in_map, 0);
     let (mut reading, mut incomplete) = (0, 0);
     for number in 0..24 {
@@ -338,7 +338,7 @@ fn the_pieces_of_a_map_follow_a_turning_window() {
     assert!(frame.views[0].stars_in_map > 0 && errors.quantile(0.999) < 0.6);
 }
 
-/// While pages are being read, a frame reports a bound of its error, and the error never exceeds it.
+/// While pages are being read, a frame reports a bound of its error, and the error never exceeds this bound.
 #[test]
 fn the_residual_bounds_the_error_until_all_pages_are_read() {
     let scene = deep_scene();
@@ -373,11 +373,11 @@ fn the_residual_bounds_the_error_until_all_pages_are_read() {
         assert!(error <= residual, "{missing} pages missing: {error} of {residual}");
         largest = largest.max(error / residual);
     }
-    println!("errors are up to {largest:.3} of the residual");
+    println!("the errors are at most {largest:.3} of the residual");
     assert!(largest > 0.0);
 }
 
-/// A turning view finds its next pages already in memory; a jumping view does not.
+/// If a view turns steadily, its next pages are already in memory; if it jumps, they are not.
 #[test]
 fn pages_are_read_ahead_of_a_turning_view() {
     const TURN_RAD: f64 = 0.02;
@@ -406,7 +406,7 @@ fn pages_are_read_ahead_of_a_turning_view() {
         while at(0.0) > 0 {
             thread::sleep(Duration::from_millis(20));
         }
-        // Frames that are far apart in time do not count as a turn. A slow machine may need more than one try to draw two frames close together.
+        // Frames that are far apart in time do not count as a turn. A slow machine may need several attempts to draw two frames in quick succession.
         let mut angle_rad = 0.0;
         loop {
             let start = Instant::now();
@@ -444,10 +444,10 @@ fn stars_beyond_the_memory_are_drawn_in_turns() {
         let off = found.iter().zip(&expected).map(|(found, expected)| (found - expected).abs()).fold(0.0, f64::max);
         let mean = expected.iter().sum::<f64>() / expected.len() as f64;
         println!("light {:.1e}, pixels off by {:.1e} of the mean", ratio - 1.0, off / mean);
-        // The sums have other units: each star is rounded to a 4096th of the faintest one.
+        // The sums have different units, because each star is rounded to a 4096th of the light of the faintest one.
         assert!((ratio - 1.0).abs() < 1e-5 && off < 2e-2 * mean);
     }
-    // A meter uses composite stars instead, even for a live frame.
+    // The meter uses composite stars instead, even for a live frame.
     let spot = ExposureValues { metering: Metering::Spot, ..ExposureValues::default() };
     let metered = RenderSettings { exposure: spot.into(), ..little.clone() };
     let all = RenderSettings { exposure: spot.into(), ..whole.clone() };
@@ -482,18 +482,18 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     let mut moving = scene.clone();
     moving.camera.velocity_c = DVec3::X * 0.1;
     assert!(matches!(refused(&moving, &settings()), PlanError::DeepAtRest));
-    // The least memory is enough for these stars: take less than that.
+    // The smallest memory that users can set is enough for these stars, so set less.
     let mut little = every_star(&settings());
     little.stars.memory = MemorySize { bytes: 1 << 20 };
     let error = refused(&scene, &little);
     assert!(matches!(error, PlanError::DeepMemory { memory_mib: 1, .. }), "{error}");
-    // With composite stars the memory is enough, but they are coarser, and the frame reports this.
+    // The memory is enough for composite stars, but they are coarser, and the frame reports this.
     little.stars.every_star = false;
     little.stars.memory = MemorySize { bytes: 1 << 18 };
     let frame = draw(&mut renderer, &scene, &window(3.0), &little, Output::Hdr);
     let cells = frame.plan.certificate.iter().find(|bound| bound.name.contains("composite stars")).unwrap();
     assert_eq!(cells.within_budget, Some(false), "{cells:?}");
-    // The residual bounds the resulting error.
+    // The resulting error is at most the residual.
     let DeepReport { missing, residual_cd_m2, .. } = frame.plan.deep.clone().unwrap();
     assert!(missing == 0 && residual_cd_m2 > 0.0, "{missing} {residual_cd_m2}");
     let whole = draw(&mut renderer, &scene, &window(3.0), &settings(), Output::Hdr);
@@ -516,7 +516,7 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     assert!(matches!(load(&twice), LoadError::SecondDeep { index: 1, .. }));
 }
 
-/// A copy of the store in which leaves of V = 17 are damaged.
+/// Returns a copy of the store in which leaves of V = 17 are damaged.
 pub(super) fn damaged_store(folder: &Path) -> SceneSnapshot {
     for file in std::fs::read_dir(store().join("deep")).unwrap() {
         let file = file.unwrap();
@@ -531,7 +531,7 @@ pub(super) fn damaged_store(folder: &Path) -> SceneSnapshot {
     scene_of(&[StarSource::File(folder.to_owned())])
 }
 
-/// A damaged leaf is not drawn, and its neighbours only if the settings say so.
+/// A frame with a damaged leaf is refused. If the settings allow it, the frame is drawn without the leaf.
 #[test]
 fn frames_without_damaged_leaves_are_drawn_on_request_only() {
     let folder = tempfile::tempdir().unwrap();
@@ -564,7 +564,7 @@ fn a_magnitude_limit_leaves_out_what_is_fainter() {
         let found = draw(&mut renderer, &deep, &rig, &settings, Output::Hdr);
         let expected = draw(&mut renderer, &looking(Arc::clone(&plain), DVec3::ZERO), &rig, &settings, Output::Hdr);
         let [found, expected] = [&found, &expected].map(|frame| frame.views[0].stars_drawn as f64);
-        // Stars at the limit may be on either side: 0.5 % of their light is 0.005 mag.
+        // Stars at the limit may be on either side of it, because the rounding of 0.5 % of their light is 0.005 mag.
         assert!(expected > 50.0 && (found - expected).abs() < 0.01 * expected + 3.0, "{limit}: {found} {expected}");
     }
 }

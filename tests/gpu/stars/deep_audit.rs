@@ -1,4 +1,4 @@
-//! Audits of frames with the stars of a deep store: the exact image reads every star by itself.
+//! Audits of frames with the stars of a deep store. For them, the exact image reads every star individually.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ fn settings() -> RenderSettings {
     RenderSettings { exposure: ExposureSettings::manual(-7.5), ..RenderSettings::default() }
 }
 
-/// The store with the bright stars of the sky around it, most of whose light scatters.
+/// Returns a scene with the store and, around it, the bright stars of the sky, most of whose light is scattered.
 fn sky() -> SceneSnapshot {
     scene_of(&[StarSource::File(store().join("deep")), StarSource::Bright])
 }
@@ -35,7 +35,7 @@ fn draw(
     renderer.render(FrameRequest::new(scene, rig).settings(settings).wanted(wanted).sky_map(sky_map)).unwrap()
 }
 
-/// The audits of a frame, together.
+/// Returns all audits of a frame.
 fn audited(renderer: &Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings, frame: &Frame) -> Audit {
     let scene = AuditedScene { scene, rig, settings, exposure_known: true, most_pixels: MOST_PIXELS, numbers: None };
     let [mut audit, exact] = audit(&scene, frame, renderer.limits()).unwrap();
@@ -46,7 +46,7 @@ fn audited(renderer: &Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &Ren
     audit
 }
 
-/// Display images with composite stars, with a map of faint light, and every star in an HDR image.
+/// Tests display images with composite stars and with a map of faint light, and HDR images that draw every star.
 #[test]
 fn frames_of_a_deep_store_pass_their_audit() {
     let (scene, mut renderer) = (sky(), renderer());
@@ -70,7 +70,7 @@ fn frames_of_a_deep_store_pass_their_audit() {
     }
 }
 
-/// The error of composite stars in an exact image is not compared with a budget that does not apply to it.
+/// The error of composite stars in an exact image is not compared with the budget, which does not apply to it.
 #[test]
 fn exact_images_with_composite_stars_are_not_audited() {
     let (scene, mut renderer, rig) = (deep_scene(), renderer(), window(25.0));
@@ -82,7 +82,7 @@ fn exact_images_with_composite_stars_are_not_audited() {
     assert!(audit.not_audited.iter().all(|reason| reason.contains("stars.every_star = true")));
 }
 
-/// Frames without the faint stars, and with the sky turned by half a pixel.
+/// The frames lack the faint stars, or have a sky that is turned by half a pixel.
 #[test]
 fn wrong_frames_of_a_deep_store_are_caught() {
     let (scene, mut renderer, rig) = (deep_scene(), renderer(), window(25.0));
@@ -99,7 +99,8 @@ fn wrong_frames_of_a_deep_store_are_caught() {
     }
 }
 
-/// While pages are being read, a frame passes with the residual that it states, and fails with a smaller one.
+/// While pages are being read, the audit of a frame passes with the residual that the frame reports, and fails with a
+/// smaller residual.
 #[test]
 fn a_frame_that_lacks_pages_passes_with_its_residual() {
     let (scene, mut renderer, rig, settings) = (deep_scene(), renderer(), window(9.0), settings());

@@ -1,4 +1,4 @@
-//! The light of stars: every view shows the illuminance of the catalogue, wherever the star is.
+//! The light of stars: every view has the illuminance of the catalogue, wherever the star is in the picture.
 //!
 //! Solid angles are computed in f64 here, independently of the shader.
 
@@ -18,7 +18,7 @@ use steradian::{
     },
 };
 
-/// Every whole magnitude from -1 to 15, one catalogue each, with stars in 50 directions in every projection.
+/// For every whole magnitude from -1 to 15 there is a catalogue with stars in 50 directions, which is drawn in every projection.
 #[test]
 fn every_magnitude_has_its_illuminance_in_every_projection() {
     let mut renderer = renderer();
@@ -53,7 +53,7 @@ fn light_wrong_by_a_ten_thousandth_fails_the_check() {
     assert!(!figures::STAR_FLUX.holds(error), "{error}");
 }
 
-/// The twelve edges and eight corners of the cube, both poles and the date line, with stars on them and swept across them.
+/// Tests the twelve edges and eight corners of the cube, both poles and the date line. Stars are on them, and are moved across them.
 #[test]
 fn stars_keep_their_light_on_edges_corners_poles_and_date_line() {
     let mut renderer = renderer();
@@ -70,7 +70,7 @@ fn stars_keep_their_light_on_edges_corners_poles_and_date_line() {
             for direction in &places {
                 let across = direction.any_orthonormal_vector();
                 for step in -4..=4 {
-                    // Sub-pixel steps across the place, and the place itself.
+                    // Use sub-pixel steps across the place, and the place itself.
                     let swept = direction
                         + across * (f64::from(step) * 0.011)
                         + direction.cross(across) * (f64::from(step) * 0.003);
@@ -78,7 +78,7 @@ fn stars_keep_their_light_on_edges_corners_poles_and_date_line() {
                     let frame = render_hdr(&mut renderer, &scene, &rig, &settings(method));
                     let error = total_illuminance_lx(&frame, &rig) / expected - 1.0;
                     worst.add(error, format_args!("{name} {method:?}, {direction} step {step}"));
-                    // Exactly on an edge of the cube, rounding decides which faces count the star.
+                    // If a star is exactly on an edge of the cube, rounding decides which faces count it.
                     if step != 0 || name != "cube" {
                         assert_eq!(frame.views[0].stars_drawn, 1, "{name}, {direction} step {step}");
                     }
@@ -138,7 +138,7 @@ fn rendered_cube_faces_do_not_depend_on_the_other_faces() {
     }
 }
 
-/// Centroid and width at sub-pixel positions.
+/// The centroid is correct and the width constant at all sub-pixel positions.
 #[test]
 fn sub_pixel_sweep_keeps_centroid_and_width() {
     let mut renderer = renderer();
@@ -153,7 +153,7 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
         let frame =
             render_hdr(&mut renderer, &snapshot(vec![star(direction, 1.0)]), &rig, &settings(StarMethod::BSpline));
         let image = hdr_view(&frame.images[0], mapping);
-        // The radius covers the whole picture, so that stray light counts.
+        // The radius covers the whole picture, so that stray light is included.
         centroid.add(centroid_error_px(&image, place, 100.0).expect("a star"), place);
         widths.push(shape_px(&image, place, 100.0).expect("a star").rms_radius());
     }
@@ -161,7 +161,7 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
     figures::WIDTH.check(relative_variation(&widths).expect("widths"));
 }
 
-/// Light is additive, temperatures are not: two stars of 3000 K and 20000 K in one pixel.
+/// Light is additive, but temperatures are not: the pixel contains two stars of 3000 K and 20000 K.
 #[test]
 fn two_colours_in_one_pixel_add_as_light() {
     let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
@@ -218,7 +218,8 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
                 let mapping = view_image.projection.mapping();
                 let eye = Eye { world_from_view: view_image.camera_from_view, ..Eye::default() };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(kernel));
-                // At the antipode of a full sphere, pixels are so small that the light of the Gaussian there is a few units of the sums.
+                // At the antipode of a full sphere, pixels are so small that the light of the Gaussian in one of them is only a few units of the
+                // sums.
                 let rounding = frame.plan.certificate.iter().find(|entry| entry.name.starts_with("rounding"));
                 let free_lx = match method {
                     StarMethod::PixelGaussian => 10.0 * rounding.expect("certified").bound,
@@ -238,7 +239,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
     }
 }
 
-/// An off-axis frustum is a sub-window of the symmetric one.
+/// The picture of an off-axis frustum is a part of that of the symmetric one.
 #[test]
 fn an_off_axis_view_is_a_window_of_the_symmetric_one() {
     let scene = snapshot(spiral(20_000).map(|d| star(d, 3.0)).collect());
@@ -249,7 +250,7 @@ fn an_off_axis_view_is_a_window_of_the_symmetric_one() {
             "window",
             ViewKind::OffAxis {
                 size: [80, 60],
-                // Columns 120 to 200, rows 30 to 90.
+                // The part has columns 120 to 200 and rows 30 to 90.
                 fov: Fov {
                     left_rad: 0.0,
                     right_rad: (half * 2.0 / 3.0).atan(),
@@ -270,6 +271,6 @@ fn an_off_axis_view_is_a_window_of_the_symmetric_one() {
             worst_omega = worst_omega.max((a[3] / b[3] - 1.0).abs());
         }
     }
-    println!("window against whole: luminance {worst:.1e} of the brightest pixel, solid angle {worst_omega:.1e}");
+    println!("part compared with whole: luminance {worst:.1e} of the brightest pixel, solid angle {worst_omega:.1e}");
     assert!(worst_omega < 2.4e-7 && worst < 2.5e-5);
 }

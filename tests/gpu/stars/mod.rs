@@ -1,4 +1,4 @@
-//! Stars on the adapter.
+//! Tests of stars on the adapter.
 
 mod billboards;
 mod cell_sky;

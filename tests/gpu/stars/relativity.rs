@@ -1,6 +1,6 @@
 //! A moving camera: direction, light and colour of every star, compared with closed forms and with the f64 reference.
 //!
-//! The closed forms are written out here once more, so that the code is not compared with itself.
+//! The closed forms are repeated here, so that the code is not compared with itself.
 
 use std::sync::Arc;
 
@@ -34,13 +34,13 @@ fn doppler(beta: f64, a: f64) -> f64 {
     (1.0 + beta * a.cos()) / (1.0 - beta * beta).sqrt()
 }
 
-/// The angle from the velocity at which a star appears. The form with tangents is accurate near 0 and pi.
+/// Returns the angle from the velocity at which a star appears. The form with tangents is accurate near 0 and pi.
 fn aberrated(beta: f64, a: f64) -> f64 {
     2.0 * (((1.0 - beta) / (1.0 + beta)).sqrt() * (a / 2.0).tan()).atan()
 }
 
-/// Ratio of the light of a blackbody star in flight to its light at rest. Blackbody spectra keep their shape, with the
-/// temperature multiplied by the Doppler factor; the solid angle shrinks by its square.
+/// Returns the ratio of the light of a blackbody star in flight to its light at rest. Its spectrum remains that of a blackbody, with the temperature
+/// multiplied by the Doppler factor. The solid angle is divided by the square of this factor.
 fn light(kelvin: f64, doppler: f64) -> f64 {
     luminance_cd_m2(doppler * kelvin) / luminance_cd_m2(kelvin) / (doppler * doppler)
 }
@@ -49,7 +49,7 @@ fn moving(records: Vec<StarRecord>, camera: Camera) -> SceneSnapshot {
     SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), objects: Default::default(), camera }
 }
 
-/// A narrow view of 48 x 48 pixels.
+/// Returns a narrow view of 48 x 48 pixels.
 fn narrow() -> Rig {
     rig(vec![("narrow", ViewKind::Perspective { size: [48, 48], fov_y_rad: 0.04 })])
 }
@@ -81,7 +81,7 @@ fn look_at(renderer: &mut Renderer, record: StarRecord, camera: Camera, expected
     }
 }
 
-/// Direction of a star at rest, at the angle `a` from the velocity, and its aberrated direction.
+/// Returns the direction of a star at rest, at the angle `a` from the velocity, and its aberrated direction.
 fn place_and_sight(beta: f64, a: f64, turn: f64) -> (DVec3, DVec3) {
     let ahead = direction_of_travel();
     let (u, v) = ahead.any_orthonormal_pair();
@@ -90,7 +90,7 @@ fn place_and_sight(beta: f64, a: f64, turn: f64) -> (DVec3, DVec3) {
     (direction_at(a), direction_at(aberrated(beta, a)))
 }
 
-/// Illuminance at rest and temperature of a star after packing, which rounds them.
+/// Returns the illuminance at rest and the temperature of a star after packing, which rounds them.
 fn packed(record: StarRecord) -> (f64, f64) {
     let set = StarSet::from_records(vec![record]);
     (set.stars[0].illuminance_at_1_pc_lx(), temperature_of_step_k(set.stars[0].temperature_step()))
@@ -116,7 +116,7 @@ fn direction_light_and_colour_equal_the_closed_forms() {
                 let measured = look_at(&mut renderer, record, camera, expected, offset);
                 cases += 1;
                 if expected_lx < 1e-12 * at_rest_lx {
-                    // Shifted far into the infrared: too faint for f32.
+                    // The light is shifted far into the infrared, so it is too faint for f32.
                     assert!(measured.illuminance_lx < 2e-12 * at_rest_lx);
                     dark += 1;
                     continue;
@@ -158,7 +158,7 @@ fn other_relativistic_laws_fail_the_comparison() {
     for wrong in [1.0, d.powi(2), d.powi(4), light(kelvin, d) * d * d, light(kelvin, 1.0 / d)] {
         assert!((growth / wrong - 1.0).abs() > 0.5, "{wrong}");
     }
-    // The colour at rest, and the position without aberration or with the opposite sign.
+    // The wrong laws have the colour at rest, or the position without aberration or with aberration of the opposite sign.
     assert!(uv_distance(measured.rgb, rec709_in_gamut(kelvin)).expect("light") > 0.03);
     let (direction, expected) = place_and_sight(0.9, 1.0, 0.4);
     for wrong in [direction, place_and_sight(-0.9, 1.0, 0.4).1] {
@@ -170,7 +170,7 @@ fn other_relativistic_laws_fail_the_comparison() {
     }
 }
 
-/// Stars with a known distance, seen from far away from the Sun. The nearest of them are processed one by one in f64.
+/// Stars with a known distance, seen from far away from the Sun. The renderer processes the nearest of them individually in f64.
 #[test]
 fn stars_near_a_moving_camera_equal_the_closed_forms() {
     let mut renderer = renderer();
@@ -212,7 +212,8 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
             let rig = rig(vec![(name, kind)]);
             let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
             let (mut worst, mut worst_channel) = (0.0_f64, 0.0_f64);
-            // Compared with the light ahead, the light behind may be a few units of the sums: allow one unit for each of 10 stars.
+            // The light behind is so faint, compared with that ahead, that it may be only a few units of the sums: allow an error of one unit for
+            // each of 10 stars.
             let free_lx = 10.0 * unit_lx(&frame);
             for (image, view_image) in frame.images.iter().zip(&rig.views()[0].images) {
                 let mapping = view_image.projection.mapping();
@@ -266,7 +267,7 @@ fn the_whole_sky_has_the_light_of_the_closed_form() {
     }
 }
 
-/// The limit applies to the received light: stars ahead become brighter than the limit, stars behind fainter.
+/// The magnitude limit applies to the received light. Stars ahead can become brighter than the limit, and stars behind can become fainter.
 #[test]
 fn the_magnitude_limit_applies_to_the_received_light() {
     let mut renderer = renderer();
@@ -293,7 +294,7 @@ fn the_magnitude_limit_applies_to_the_received_light() {
         let drawn = frame.views[0].stars_drawn;
         // The shader is accurate to 2e-4: stars this near to the limit may be on either side.
         let (fewest, most) = (brighter_than(limit_lx * 1.0002), brighter_than(limit_lx * 0.9998));
-        println!("{beta} c: {drawn} of 4000 stars above the limit, closed form {fewest} to {most}");
+        println!("{beta} c: {drawn} of 4000 stars are brighter than the limit, {fewest} to {most} by the closed form");
         assert!((fewest..=most).contains(&drawn));
         assert!(most - fewest < 10);
         counts.push(drawn);
@@ -307,7 +308,7 @@ fn unit_lx(frame: &Frame) -> f64 {
     units.map(|entry| entry.bound).fold(0.0, f64::max)
 }
 
-/// Culling does not change the stars and their light.
+/// Culling changes neither the stars nor their light.
 #[test]
 fn culling_loses_no_star_in_flight() {
     let mut renderer = renderer();
@@ -335,8 +336,8 @@ fn culling_loses_no_star_in_flight() {
                 let all = render_hdr(&mut renderer, &scene, &rig, &settings);
                 assert_eq!(culled.views[0].stars_drawn, all.views[0].stars_drawn, "{velocity_c} {name} {limit}");
                 let (a, b) = (total_illuminance_lx(&culled, &rig), total_illuminance_lx(&all, &rig));
-                // Without culling, the unit follows from the light of the whole sky, compared with which a view behind is almost dark.
-                // Each of the nine pixels of each star is rounded by up to a unit, also for stars just outside of the picture.
+                // Without culling, the unit follows from the light of the whole sky. Compared with it, a view to the back is almost dark. Each of the
+                // nine pixels of each star is rounded by up to a unit, also for stars just outside of the picture.
                 let outside = 300;
                 let noise = 6.0 * unit_lx(&all) * (9.0 * (all.views[0].stars_drawn + outside) as f64).sqrt();
                 assert!((a - b).abs() <= 1e-6 * b + noise, "{velocity_c} {name} {limit}: {a} {b} +- {noise}");
@@ -345,7 +346,7 @@ fn culling_loses_no_star_in_flight() {
     }
 }
 
-/// Cool stars head-on become a billion times brighter: the sums must not overflow, and other stars must keep their light.
+/// Cool stars straight ahead become a billion times brighter: the sums must not overflow, and other stars must keep their light.
 #[test]
 fn cool_stars_ahead_do_not_overflow_the_sums() {
     let mut renderer = renderer();

@@ -75,7 +75,7 @@ fn sirius_and_a_star_of_magnitude_21_both_keep_their_light() {
     [worst_sirius, worst_faint, worst_faint_by_day].into_iter().for_each(Worst::print);
 }
 
-/// With units that are deliberately too fine, the frame is refused and no sum wraps.
+/// With units that are deliberately too fine, the frame is refused, and no sum overflows unnoticed.
 #[test]
 fn a_provoked_overflow_is_reported() {
     for force_u32_accumulator in [false, true] {
@@ -95,15 +95,15 @@ fn a_provoked_overflow_is_reported() {
     }
 }
 
-/// Number of shuffles out of 100 that change any bit of a picture of a crowd. Each shuffle reorders the records and the
-/// stars on the GPU; with `steady`, only the records.
+/// Returns how many of 100 shuffles change any bit of a picture of a crowd. Each shuffle reorders the records, and without `steady` also the stars on
+/// the GPU.
 fn changed_by_a_hundred_shuffles(method: StarMethod, steady: bool) -> usize {
     let mut renderer = renderer();
     let mut records: Vec<StarRecord> = spiral(2000)
         .enumerate()
         .map(|(i, direction)| StarRecord { temperature_k: 2500.0 + i as f32 * 7.0, ..star(direction, (i % 17) as f32) })
         .collect();
-    // Half of them crowd into a few pixels, so that many threads add to the same sums.
+    // Half of the stars are in a few pixels, so that many threads add to the same sums.
     for record in records.iter_mut().step_by(2) {
         record.position = (DVec3::NEG_Z + record.position * 0.01).normalize();
     }
@@ -172,7 +172,7 @@ fn stars_at_and_near_the_camera_stay_finite() {
                 "{position}"
             );
         }
-        // The star ten parsecs ahead keeps its light, whatever is near the camera.
+        // The star ten parsecs ahead keeps its light, regardless of the stars near the camera.
         if position == DVec3::ZERO {
             let image = &frame.images[1];
             let mapping = rig.views()[1].images[0].projection.mapping();
@@ -238,8 +238,8 @@ fn five_frames_are_identical() {
     assert!(frames.all(|frame| frame == first));
 }
 
-/// If the exposure is known beforehand, the resolve pass tone maps the frame; if it is metered, a separate pass does. Both
-/// give the same picture, and it equals the f64 curve of the HDR image except for dither.
+/// If the exposure is known beforehand, the resolve pass does the tone mapping; if it is metered, a separate pass does. Both give the same picture,
+/// and it equals the f64 curve of the HDR image except for dither.
 #[test]
 fn resolve_and_tone_mapping_pass_give_the_same_display_image() {
     use steradian::{
@@ -278,7 +278,7 @@ fn resolve_and_tone_mapping_pass_give_the_same_display_image() {
             let (a_bytes, b_bytes) = (a.display.as_ref().expect("asked for"), b.display.as_ref().expect("asked for"));
             let off_by_more = a_bytes.iter().zip(b_bytes).filter(|(a, b)| a.abs_diff(**b) > 1).count();
             let different = a_bytes.iter().zip(b_bytes).filter(|(a, b)| a != b).count();
-            // The white luminance is computed by exp2 in f32 in one pass and in f64 in the other, so a few pixels round differently.
+            // One pass computes the white luminance by exp2 in f32, and the other in f64, so a few pixels are rounded differently.
             assert!(off_by_more == 0 && different < a_bytes.len() / 1000, "{operator:?}: {different} bytes differ");
             let uses_exposure = operator != ToneMapOperator::Calibrated;
             assert!((Some(b_bytes) != c.display.as_ref()) == uses_exposure, "{operator:?}: another exposure");
@@ -293,7 +293,7 @@ fn resolve_and_tone_mapping_pass_give_the_same_display_image() {
     }
 }
 
-/// Strips, batches and segments of stars, as on an adapter with small bindings, give the same picture bit for bit.
+/// If images are drawn in strips and stars in batches and segments, as on an adapter with small bindings, the picture is the same bit for bit.
 #[test]
 fn strips_and_batches_give_the_same_bits() {
     let scene = snapshot(spiral(6000).enumerate().map(|(i, d)| star(d, (i % 14) as f32)).collect());
@@ -307,7 +307,7 @@ fn strips_and_batches_give_the_same_bits() {
         (frame.images.into_iter().map(|image| (image.part, image.hdr)).collect::<Vec<_>>(), drawn)
     };
     let whole = images(&GpuOptions::default());
-    // 40 rows of 192 pixels at a time, and 2048 stars at a time.
+    // The limits allow 40 rows of 192 pixels at a time, and 2048 stars at a time.
     for limit in [16 * 192 * 40, 16 * 2048] {
         let cut = images(&GpuOptions { binding_limit_bytes: Some(limit), ..Default::default() });
         assert!(whole.0 == cut.0, "an image differs with {limit} bytes at a time");
@@ -361,7 +361,7 @@ fn an_eye_apart_from_the_camera_sees_stars_from_its_position() {
     assert!(View::new("far", kind, glam::DQuat::IDENTITY, DVec3::X * 2e9).is_err(), "too far from the camera");
 }
 
-/// One exposure from the mean luminance of all views, each pixel weighted by its solid angle.
+/// All views have one exposure, which is metered from the mean luminance over all pixels, weighted by their solid angles.
 #[test]
 fn the_exposure_is_metered_over_all_views_by_solid_angle() {
     use steradian::{
@@ -394,12 +394,12 @@ fn the_exposure_is_metered_over_all_views_by_solid_angle() {
         let mean = light / solid_angle;
         let expected = metered_ev100(mean, compensation_ev, -20.0, max_ev100);
         let (metered, ev100) = (frame.mean_luminance_cd_m2, frame.exposure_ev100);
-        println!("mean {mean:.6e} cd/m^2, metered {metered:.6e}; EV {ev100:.5}, expected {expected:.5}");
-        // The meter divides by the closed form of the solid angle; for round pictures of 160 pixels the pixels differ from it by
-        // about 1e-3.
+        println!("mean {mean:.6e} cd/m^2, metered {metered:.6e} cd/m^2; EV {ev100:.5}, expected EV {expected:.5}");
+        // The meter divides by the closed form of a picture's solid angle. For round pictures 160 pixels wide, the sum over the pixels differs from
+        // it by about 1e-3.
         assert!((metered / mean - 1.0).abs() < 2e-3);
         assert!((ev100 - expected).abs() < 3e-3 && ev100 == frame.metered_ev100);
-        // The plain mean over pixels differs clearly.
+        // The mean without weights is clearly different.
         let unweighted = metered_ev100(plain_sum / pixels, 0.0, -20.0, 24.0);
         assert!((unweighted - metered_ev100(mean, 0.0, -20.0, 24.0)).abs() > 0.01, "{unweighted}");
     }
@@ -441,7 +441,7 @@ fn a_frame_does_not_depend_on_the_previous_frame() {
                 used.unit_factor = 1.0;
                 let overflowed = matches!(frame, Err(RenderError::Overflow(_)));
                 assert!(frame.is_ok() != overflowed && overflowed == (unit_factor > 1.0), "{}", method.name());
-                // The small view and the large ones, alternating.
+                // Draw the small view and the large ones in alternation.
                 let index = step % 2;
                 step += 1;
                 let found = render_hdr(&mut used, &faint, &rigs[index], &settings(StarMethod::BSpline));

@@ -1,5 +1,5 @@
-//! The 9,096 stars of the Yale Bright Star Catalogue in three views of the whole sphere: the light of each view equals
-//! that of the catalogue. The variable `STERADIAN_BSC_CSV` names the catalogue, which is not part of this project.
+//! Draws the 9,096 stars of the Yale Bright Star Catalogue in three views of the whole sphere, each of which must have
+//! the light of the catalogue. The variable `STERADIAN_BSC_CSV` names the catalogue, which is not part of this project.
 
 use std::{f64::consts::TAU, path::Path};
 
@@ -14,7 +14,7 @@ use steradian::{
     },
 };
 
-/// Relative differences of the light of the three views from the expected sum.
+/// Returns the relative differences between the light of each of the three views and the expected sum.
 fn differences(records: Vec<StarRecord>, expected_lx: f64) -> Vec<(&'static str, f64)> {
     let scene = snapshot(records);
     let mut renderer = renderer();
@@ -51,7 +51,7 @@ fn the_yale_catalogue_has_the_same_light_in_every_whole_sky() {
     let most = found.iter().map(|(_, d)| *d).fold(f64::MIN, f64::max);
     let least = found.iter().map(|(_, d)| *d).fold(f64::MAX, f64::min);
     assert!(most - least < 1e-3);
-    // Without the stars about as bright as Vega, the sum must not match.
+    // If the stars about as bright as Vega are left out, the sum must not match.
     let without: Vec<StarRecord> =
         records.into_iter().filter(|star| (star.apparent_magnitude() - 0.03).abs() > 0.011).collect();
     assert!(without.len() < 9096);

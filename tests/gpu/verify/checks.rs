@@ -1,4 +1,4 @@
-//! `verify` as command and library: it passes correct methods, fails wrong ones, and reports both as text and JSON.
+//! Tests `verify` as command and as library: correct methods pass, wrong ones fail, and the results are reported as text and as JSON.
 
 use std::{
     path::Path,
@@ -83,7 +83,7 @@ fn usage_errors_name_the_valid_values() {
     assert!(err.contains("/no/such/folder/x.json"), "{err}");
 }
 
-/// Result of a check with a renderer that draws no star fainter than the limit.
+/// Returns the result of a check with a renderer that draws no star fainter than the limit.
 fn with_limit(renderer: &mut Renderer, name: &str, magnitude_limit: f64) -> CheckResult {
     let mut settings = settings(StarMethod::BSpline);
     settings.glare = GlareSettings::default();
@@ -114,7 +114,7 @@ fn fails_elsewhere(check: &Check) -> bool {
     check.needs_glare && check.name != "glare-reference"
 }
 
-/// The checks that look for stars, except for check 17, which changes the limit itself.
+/// Returns the checks that look for stars, except for check 17, which changes the limit itself.
 fn looking_for_stars() -> impl Iterator<Item = &'static Check> {
     verify::checks().iter().filter(|check| check.needs_catalogue && check.number != Some(17))
 }
@@ -148,7 +148,7 @@ fn a_renderer_that_loses_stars_fails_the_checks_of_glare() {
     }
 }
 
-/// The tent is wrong in width and flicker, and correct in light.
+/// The tent has a wrong width and flickers, but its light is correct.
 #[test]
 fn the_tent_fails_only_the_checks_of_width_and_flicker() {
     let mut renderer = renderer();
@@ -167,7 +167,7 @@ fn the_tent_fails_only_the_checks_of_width_and_flicker() {
     }
 }
 
-/// Sums that depend on the order of the stars fail the check, for exchanged values as well as for blending.
+/// The check fails for sums that depend on the order of the stars, whether they use atomic exchange or blending.
 #[test]
 fn order_dependent_sums_fail_the_check_of_shuffles() {
     let mut renderer = renderer();

@@ -1,4 +1,4 @@
-//! The checks of glare: correct glare passes, each fault fails, and the checks do not apply without glare.
+//! The checks of glare: correct glare passes, each faulty one fails, and without glare the checks do not apply.
 
 use crate::common::{figures, renderer, settings};
 use steradian::{
@@ -13,10 +13,10 @@ use steradian::{
 const CLOSER: &[(&str, f64)] = &[
     ("off the kernel's", 2.4e-4),
     ("largest error", 9.2e-3),
-    ("light of the own image", 7.6e-5),
+    ("light of the star's own image", 7.6e-5),
     ("between upright and rolled", 8.4e-3),
     ("exposure between views and rolls", 6.8e-4),
-    ("at 1 km: between the eyes", 6e-3),
+    ("star at 1 km: difference between the eyes", 6e-3),
     ("at infinity", 1e-6),
 ];
 
@@ -59,8 +59,7 @@ fn sky_cube_glare_passes_every_check() {
     }
 }
 
-/// Glare in screen space has the wrong shape off the axis, misses light from outside of the picture, and ends at the edges
-/// of cube faces.
+/// Glare in screen space has the wrong shape off the axis, lacks light from outside of the picture, and ends at the edges of cube faces.
 #[test]
 fn screen_space_glare_fails() {
     let mut renderer = renderer();
@@ -70,7 +69,7 @@ fn screen_space_glare_fails() {
     }
 }
 
-/// The picture is correct and the expectation wrong: a plateau five times as wide, or another kernel.
+/// The picture is correct, but the expectation is wrong: a plateau five times as wide, or another kernel.
 #[test]
 fn glare_with_another_kernel_fails() {
     let mut renderer = renderer();

@@ -29,7 +29,7 @@ fn objects_pass_every_check() {
     }
 }
 
-/// The published atlas depends on the rotation of the camera, and has poles.
+/// Pictures with the published atlas depend on the rotation of the camera, and the atlas has poles.
 #[test]
 #[ignore = "long: make test-all"]
 fn the_published_atlas_fails() {
@@ -43,7 +43,8 @@ fn the_published_atlas_fails() {
     }
 }
 
-/// Distances of detail are eight times too short: points replace asteroids that are fifteen pixels wide.
+/// Levels of detail change at distances that are eight times too short, so points replace asteroids that are fifteen
+/// pixels wide.
 #[test]
 fn an_eighth_of_the_quality_fails_the_stereo_check() {
     let mut renderer = renderer();
@@ -58,7 +59,7 @@ const ALBEDO: Fault = Fault { albedo: 1.06, ..Fault::NONE };
 const RADIUS: Fault = Fault { radius: 1.02, ..Fault::NONE };
 const PLACE: Fault = Fault { shift: 0.2, ..Fault::NONE };
 
-/// Every check that no other test makes fail.
+/// Tests the checks for which no other test has a failing case.
 #[test]
 #[ignore = "long: make test-all"]
 fn wrong_expected_objects_fail_the_checks() {
@@ -84,7 +85,7 @@ fn wrong_expected_positions_fail_the_checks() {
     ]);
 }
 
-/// The picture is correct and the expectation wrong: albedo, radius or position.
+/// The picture is correct, but the expected albedo, radius or position is wrong.
 fn assert_wrong_expectation_fails(cases: &[(&str, Fault)]) {
     let mut renderer = renderer();
     let settings = settings_with(ImpostorMethod::Auto);

@@ -9,9 +9,9 @@ use testkit::trials;
 
 use super::Monado;
 
-/// Environment variable that names the function to run instead of the tests: see [`super::Service::run_inner`].
+/// Environment variable with the name of the function to run instead of the tests: see [`super::Service::run_inner`].
 pub const INNER_VARIABLE: &str = "STERADIAN_TEST_INNER";
-/// Environment variable: if set and neither empty nor 0, a test that cannot run fails.
+/// Environment variable that makes tests fail if they cannot run. It must be set, and neither empty nor 0.
 pub const REQUIRE_VARIABLE: &str = "STERADIAN_REQUIRE_XR";
 
 /// A test, which fails by a panic.
@@ -25,7 +25,8 @@ pub enum Test {
     Anywhere(&'static str, fn()),
 }
 
-/// A function that runs in a separate process started through Monado's dynamic linker; its result is its output.
+/// A function that runs in a separate process, which is started through Monado's dynamic linker. Its result is what it
+/// prints.
 pub type Inner = (&'static str, fn());
 
 /// Runs the inner function named in the environment, or the tests.

@@ -24,7 +24,7 @@ pub use self::{
     service::{Driver, Lifetime, Service},
 };
 
-/// Description of the folder with the unpacked Monado, written by `scripts/monado.sh`.
+/// Description, written by `scripts/monado.sh`, of the folder with the unpacked Monado.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Monado {
     /// Number of the script's recipe.
@@ -52,7 +52,7 @@ pub struct Monado {
 }
 
 impl Monado {
-    /// Finds Monado, and fetches it if necessary; once per process.
+    /// Finds Monado, and fetches it if necessary. This is done once per process.
     ///
     /// # Errors
     /// The reason why it is not available, in one line.
@@ -62,11 +62,12 @@ impl Monado {
     }
 
     /// Returns a command that starts a program with Monado's C library and Vulkan driver. The program's libraries are
-    /// also searched among Monado's: it must not need any except those of C and those that it opens at run time.
+    /// searched among those of Monado, so it must not need any libraries except the C library and those that it opens
+    /// at run time.
     pub fn command(&self, program: &Path) -> Command {
         let mut command = Command::new(&self.linker);
         command.arg("--library-path").arg(&self.library_path).arg(program);
-        // No setting of this machine or user may change a result.
+        // Settings of this machine or user must not change a result.
         for (name, _) in std::env::vars_os() {
             let prefixes = ["XR_", "XRT_", "IPC_", "SIMULATED_", "REMOTE_", "U_PACING_", "VK_", "MESA_", "LD_"];
             if name.to_str().is_some_and(|name| prefixes.iter().any(|prefix| name.starts_with(prefix))) {

@@ -1,7 +1,7 @@
 //! Client of Monado's remote driver, which receives the state of the headset and the controllers over TCP.
 //!
 //! A message is the driver's `struct r_remote_data` (`r_interface.h` of Monado 25.0.0, header `mndrmt3`) in
-//! little-endian byte order: 376 bytes without a length prefix. For each connection the driver first sends its initial
+//! little-endian byte order: 376 bytes without a length prefix. On each connection, the driver first sends its initial
 //! state and its current state in the same form. It serves one connection at a time, and keeps the state when a
 //! connection ends.
 
@@ -32,7 +32,7 @@ impl Pose {
     /// Pose at the origin of the space.
     pub const IDENTITY: Self = Self { orientation: [0.0, 0.0, 0.0, 1.0], position_m: [0.0; 3] };
 
-    /// A pose of an orientation and a position.
+    /// Returns the pose with this orientation and position.
     pub fn new(orientation: Quat, position_m: Vec3) -> Self {
         Self { orientation: orientation.to_array(), position_m: position_m.to_array() }
     }
@@ -141,7 +141,8 @@ pub struct RemoteState {
 }
 
 impl Default for RemoteState {
-    /// A head 1.6 m above the floor that looks along -z, with eyes 64 mm apart and fields of view of 90 degrees.
+    /// Returns the state of a head that is 1.6 m above the floor and looks along -z, with eyes 64 mm apart and fields
+    /// of view of 90 degrees.
     fn default() -> Self {
         let edge_rad = std::f32::consts::FRAC_PI_4;
         let eye = |x_m| Eye {
@@ -173,7 +174,7 @@ impl RemoteState {
             message.bytes(&[0; 4]);
         }
         message.pose(&self.head);
-        // Enables the eyes above; otherwise the runtime invents them.
+        // This flag enables the eyes above. Otherwise the runtime would use its own.
         message.bytes(&[1, 0, 0, 0]);
         for controller in &self.controllers {
             message.controller(controller);
@@ -251,7 +252,7 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Connects to the driver that listens, or soon will, on a port of this machine.
+    /// Connects to the driver that listens on a port of this machine, or will soon do so.
     ///
     /// # Errors
     /// No driver answers in time.
@@ -260,12 +261,12 @@ impl Remote {
         Ok(Self { port, stream })
     }
 
-    /// Sends a state and returns when the driver has received it: every pose that a program queries afterwards has this
-    /// state.
+    /// Sends a state and returns when the driver has received it. Every pose that a program queries afterwards is that
+    /// of this state.
     ///
-    /// The driver acknowledges nothing. But it accepts the next connection only after it has read all of the previous
-    /// one, and then sends its state. So this function ends the connection and opens another. The driver keeps a file
-    /// open for each connection, so a service supports some 800 of these calls.
+    /// The driver acknowledges nothing. However, it accepts the next connection only after it has read all of the
+    /// previous one, and then sends its state. Therefore this function ends the connection and opens another one. The
+    /// driver keeps a file open for each connection, so a service supports some 800 of these calls.
     ///
     /// # Errors
     /// The driver has ended, or has another state.

@@ -14,7 +14,7 @@ use super::{Monado, Remote, harness::INNER_VARIABLE};
 
 /// Maximum time for a service to start or end on a busy machine; it usually takes 0.1 s.
 const START_LIMIT: Duration = Duration::from_secs(60);
-/// Lines of the service's log in an error.
+/// Number of lines of the service's log that an error includes.
 const LOG_LINES: usize = 40;
 /// Name of the core validation layer.
 const VALIDATION_LAYER: &str = "XR_APILAYER_LUNARG_core_validation";
@@ -31,13 +31,13 @@ pub enum Driver {
 /// Condition under which a service ends by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lifetime {
-    /// Never: programs may connect and disconnect.
+    /// It never ends by itself: programs may connect and disconnect.
     UntilDropped,
-    /// When its first program disconnects.
+    /// It ends when its first program disconnects.
     UntilProgramLeaves,
 }
 
-/// A running service with a separate folder. It ends when dropped, and also if the test's process ends in any other
+/// A running service with a separate folder. It ends when it is dropped, and when the process of the test ends in any
 /// way.
 pub struct Service {
     monado: &'static Monado,
@@ -77,7 +77,7 @@ impl Service {
     /// # Panics
     /// If it does not start; the message has its log.
     pub fn start(monado: &'static Monado, driver: Driver, lifetime: Lifetime) -> Self {
-        // The runtime requires a folder that only its owner may enter. It is directly in the folder for temporary
+        // The runtime requires a folder that only its owner can enter. The folder is directly in the one for temporary
         // files, because the path of a socket must be short.
         let folder = tempfile::Builder::new().prefix("monado-").tempdir().expect("a temporary folder");
         let port = (driver == Driver::Remote).then(|| {
@@ -104,7 +104,7 @@ impl Service {
         std::fs::write(folder.join("config_v0.json"), configuration.to_string()).expect("the configuration is written");
     }
 
-    /// Starts the service again in the same folder and on the same port, after [`Self::kill`] or if it has ended by
+    /// Starts the service again in the same folder and on the same port, after [`Self::kill`] or after it has ended by
     /// itself.
     ///
     /// # Panics
@@ -215,9 +215,9 @@ impl Service {
         self.port.expect("a service with the remote driver")
     }
 
-    /// Returns a command that starts a program which finds this service's runtime, through Monado's dynamic linker and
-    /// so also with Monado's OpenXR loader, Vulkan loader and software Vulkan driver. To use another service or none,
-    /// change `XDG_RUNTIME_DIR` of the command.
+    /// Returns a command that starts a program which finds this service's runtime. The program is started through
+    /// Monado's dynamic linker, so it uses Monado's OpenXR loader, Vulkan loader and software Vulkan driver. To use
+    /// another service or none, change `XDG_RUNTIME_DIR` of the command.
     ///
     /// In the program, `std::env::current_exe` is the dynamic linker.
     pub fn command(&self, program: &Path) -> Command {
@@ -250,8 +250,8 @@ impl Service {
             .collect()
     }
 
-    /// Starts this test executable again as a program of this service, with an inner function instead of the tests (see
-    /// [`super::harness::main`]); returns its output.
+    /// Starts this test executable again as a program of this service, which runs an inner function instead of the
+    /// tests (see [`super::harness::main`]). Returns its output.
     ///
     /// # Panics
     /// If it fails or exceeds the time limit.
@@ -322,7 +322,7 @@ impl Service {
         self.folder.path().join("monado_comp_ipc")
     }
 
-    /// Sets the environment in which a program of Monado finds the service, and nothing of the user's.
+    /// Sets the environment such that a program of Monado finds the service, and no settings of the user.
     fn environment<'a>(&self, command: &'a mut Command) -> &'a mut Command {
         command.env("XDG_RUNTIME_DIR", self.folder.path()).env("XDG_CONFIG_HOME", self.folder.path().join("config"))
     }
@@ -331,14 +331,15 @@ impl Service {
 impl Drop for Service {
     fn drop(&mut self) {
         if let Some(process) = &mut self.process {
-            // It may have ended by itself just now.
+            // The service may have ended by itself just now.
             let _ = process.child.kill();
             let _ = process.child.wait();
         }
     }
 }
 
-/// Whether a socket has a listener. The file appears a little earlier, and connecting would count as a program.
+/// Whether a socket has a listener. The existence of the file does not show this, because the file is created a little
+/// earlier. A connection would count as a program.
 fn listens(socket: &Path) -> bool {
     /// `SO_ACCEPTCON`, the flag of a listening socket in this table (proc(5)).
     const ACCEPTS_CONNECTIONS: &str = "00010000";

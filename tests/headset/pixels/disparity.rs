@@ -1,4 +1,4 @@
-//! Depth: positions of bodies in the two images.
+//! Depth: positions of bodies in the images of both eyes.
 
 use glam::{DVec2, DVec3, Quat};
 use steradian::{
@@ -18,7 +18,8 @@ const BASELINE_M: f64 = 0.064;
 const HEIGHT_M: f64 = 1.6;
 /// Edges of the left eye's field of view, rad; the right eye has the mirror image.
 const FOV_RAD: [f32; 4] = [-0.85, 0.75, 0.7, -0.72];
-/// Depth, m; direction from the midpoint between the eyes, as a multiple of the depth; angular radius, rad.
+/// Bodies: depth, m; position to the right and up, relative to the midpoint between the eyes, in units of the depth;
+/// angular radius, rad.
 const BODIES: [(f64, [f64; 2], f64); 3] =
     [(1.0, [-0.2, 0.12], 0.03), (10.0, [0.03, -0.08], 0.008), (1000.0, [0.22, 0.1], 0.05)];
 const SCENE: &str = r#"
@@ -33,7 +34,7 @@ ev100 = 0.0
 operator = "srgb"
 "#;
 
-/// Returns a state with a rolled head whose right eye is higher than the left one.
+/// Returns a state with a rolled head. Relative to the head, the right eye is higher than the left one by `raised_m`.
 fn state(roll_deg: f32, raised_m: f32) -> RemoteState {
     let [left, right, up, down] = FOV_RAD;
     let half_m = BASELINE_M as f32 / 2.0;
@@ -48,8 +49,8 @@ fn place_m((depth_m, [x, y], _): (f64, [f64; 2], f64)) -> DVec3 {
     DVec3::new(x, y, -1.0) * depth_m + HEIGHT_M * DVec3::Y
 }
 
-/// Difference of the positions in the left and right image in closed form: from the angle of the baseline, and from the
-/// edges at which pixels are counted.
+/// Returns the difference of a body's positions in the left and right image, in closed form. It depends on the
+/// parallax, and on the edges from which pixels are counted.
 fn closed_form_px(depth_m: f64, roll_rad: f64, [x, y]: [f64; 2], width: f64) -> f64 {
     let [left, right] = [FOV_RAD[0], FOV_RAD[1]].map(|edge| f64::from(edge).tan());
     let px_per_tangent = width / (right - left);
@@ -62,7 +63,7 @@ fn closed_form_px(depth_m: f64, roll_rad: f64, [x, y]: [f64; 2], width: f64) -> 
 }
 
 /// Returns the centroid of a body's light in the images of both eyes, pixels; `None` if there is no light at the
-/// expected position. `images`: the images used for the left and the right eye.
+/// expected position. `images` are the images used for the left and the right eye.
 fn measured_px(shot: &Shot, state: &RemoteState, body: (f64, [f64; 2], f64), images: [usize; 2]) -> Option<[DVec2; 2]> {
     let eyes = sent_eyes(state, [shot.images[0].size, shot.images[1].size]);
     let rig = rig(eyes);

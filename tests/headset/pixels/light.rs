@@ -46,7 +46,7 @@ fn light_lx(image: &[[f32; 4]], centre: DVec2, mapping: &dyn PlaneMapping) -> f6
     sum_lx
 }
 
-/// Returns stars that both eyes' images show completely and isolated: number in the catalogue, positions.
+/// Returns the stars whose images are complete and isolated for both eyes: number in the catalogue, and positions.
 fn isolated(directions: &[DVec3], eyes: &[Eye; 2], rig: &Rig) -> Vec<(usize, [DVec2; 2])> {
     let places: Vec<[Option<DVec2>; 2]> = directions
         .iter()

@@ -1,6 +1,6 @@
 //! The images that the wearer sees: poses, fields of view, light, depth, exposure and glare of the images submitted to
-//! the runtime. A program of the runtime reads them from its swapchains (`program`); the tests measure them here in
-//! f64.
+//! the runtime. A program of the runtime reads the images from its swapchains (`program`); the tests here measure them
+//! in f64.
 
 mod disparity;
 mod light;

@@ -1,4 +1,4 @@
-//! The eyes for which a frame is drawn.
+//! Tests for which eyes a frame is drawn.
 
 use glam::{Quat, Vec3};
 use steradian::{
@@ -9,7 +9,7 @@ use steradian::{
 use super::shots::{Assignment, canted_eyes, head, sent_eyes, settings, take};
 use crate::monado::{Monado, Pose, RemoteState, Service};
 
-/// Largest difference of a component of orientation or position caused by f32.
+/// Largest difference that f32 causes in a component of an orientation or position.
 const LIMIT: f64 = 1e-6;
 
 /// Returns the largest difference of a component, and whether the fields of view are identical.
@@ -45,7 +45,7 @@ pub fn eyes_are_those_sent(monado: &'static Monado) {
         let (error, same_fov) = difference(&shot.eyes, &sent[index]);
         assert!(error < LIMIT && same_fov, "state {index}: {error:e}, {:?} for {:?}", shot.eyes, sent[index]);
         worst = worst.max(error);
-        // Other states, and swapped eyes, are distinguishable.
+        // The comparison must fail for other states and for swapped eyes.
         for (other, eyes) in sent.iter().enumerate().filter(|(_, eyes)| **eyes != sent[index]) {
             assert!(difference(&shot.eyes, eyes).0 > 1e3 * LIMIT, "states {index} and {other}");
         }

@@ -26,7 +26,7 @@ use crate::monado::{Remote, RemoteState};
 /// Maximum time until a frame is shown.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// A host that shows an assignment and keeps the published frames.
+/// A host that provides the scene of an assignment, and keeps the published frames.
 struct Photographer {
     shown: Mutex<Shown>,
     mirrors: AtomicBool,
@@ -67,7 +67,7 @@ impl Host for Photographer {
     fn statistics(&self, _: &HeadsetStatistics) {}
 }
 
-/// Steps until a frame was drawn.
+/// Steps the session until a frame was drawn.
 fn drawn_frame(headset: &mut Headset, host: &Photographer) -> HeadsetFrame {
     let start = Instant::now();
     loop {
@@ -92,7 +92,7 @@ pub fn photograph() {
         if shot > 0 {
             *host.shown.lock().unwrap() = shown(assignment);
         }
-        // Every pose queried from here on has this state.
+        // All poses that are queried from here on are those of this state.
         remote.send(&assignment.state).unwrap();
         headset.captures = true;
         host.mirrors.store(assignment.mirrored, Ordering::Relaxed);
@@ -100,7 +100,7 @@ pub fn photograph() {
         headset.captures = false;
         host.mirrors.store(false, Ordering::Relaxed);
         if assignment.mirrored {
-            // A frame is finished while the next one is rendered.
+            // Draw another frame, because a frame is finished only while the next one is rendered.
             drawn_frame(&mut headset, &host);
         }
         let published = std::mem::take(&mut *host.published.lock().unwrap());

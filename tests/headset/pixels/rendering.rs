@@ -1,5 +1,5 @@
-//! Compares the images in the swapchains with those that `render` draws for the same eyes with this machine's driver,
-//! and with the frames that the host receives.
+//! Compares the images in the swapchains with the frames that the host receives, and with the images that `render`
+//! draws for the same eyes with this machine's driver.
 
 use glam::{DQuat, Quat};
 use steradian::{
@@ -68,12 +68,12 @@ adaptation_s = 0.0
 desaturation = 0.0
 "#;
 
-/// Allowed difference of bytes, in codes, and share of differing bytes, because two drivers round differently. Monado
-/// draws with a software driver. If `render` does too, one channel in many thousands falls on the next half float, by
-/// 1e-9 of white, and bytes are identical ([`figures::HEADSET_PIXELS`]).
+/// Allowed difference of bytes, in codes, and allowed share of differing bytes. Bytes differ because two drivers round
+/// differently. Monado draws with a software driver. If `render` uses one too, bytes are identical, and one channel in
+/// many thousands is rounded to the next half float, which differs by 1e-9 of white ([`figures::HEADSET_PIXELS`]).
 const CODES: u8 = 1;
 const SHARE: f64 = 0.01;
-/// Allowed difference of linear light as a share of display white, beyond the rounding to half floats.
+/// Allowed difference of linear light in excess of the rounding to half floats, as a share of display white.
 const LIGHT: f64 = 1e-3;
 /// Allowed difference of exposures, EV.
 const EXPOSURE_EV: f64 = 1e-4;
@@ -81,9 +81,9 @@ const EXPOSURE_EV: f64 = 1e-4;
 /// Difference between an image and the expected one.
 #[derive(Clone, Copy, Debug)]
 struct Difference {
-    /// Largest difference: codes, or shares of display white.
+    /// Largest difference, in codes or as a share of display white.
     most: f64,
-    /// Share of differing channels; for light beyond the rounding to half floats.
+    /// Share of differing channels. For linear light, only differences in excess of the rounding to half floats count.
     share: f64,
 }
 
@@ -165,7 +165,7 @@ struct Expected {
     name: &'static str,
     assignment: Assignment,
     scene: (SceneSnapshot, RenderSettings),
-    /// Eyes, the expected frame, and the frame expected for a slightly turned head.
+    /// The eyes, the expected frame for them, and the frame for a slightly turned head.
     frames: Option<([Eye; 2], (Frame, Frame))>,
 }
 
@@ -176,7 +176,7 @@ impl Expected {
         Self { name, assignment, scene, frames: None }
     }
 
-    /// Returns the frame and that of the turned head; they are rendered once.
+    /// Returns the expected frame, and the frame for a slightly turned head. Both are rendered only once.
     fn frames(&mut self, renderer: &mut Renderer, eyes: [Eye; 2]) -> &(Frame, Frame) {
         let (known_eyes, frames) = self.frames.get_or_insert_with(|| {
             (eyes, (render(renderer, &self.scene, eyes), render(renderer, &self.scene, turned(eyes))))
@@ -210,7 +210,7 @@ pub fn pixels_are_those_of_render(monado: &'static Monado) {
             let exposures_apart_ev = (mirrored_ev100 - expected.exposure_ev100).abs();
             assert!(exposures_apart_ev <= EXPOSURE_EV, "{exposures_apart_ev}");
             println!(
-                "{name} in {format:?}, {layout:?}: exposure {:.4} EV, {exposures_apart_ev:.1e} from render's; {:?}",
+                "{name} in {format:?}, {layout:?}: exposure {:.4} EV, difference {exposures_apart_ev:.1e} EV; {:?}",
                 expected.exposure_ev100, expected.views[0].asteroids
             );
             for eye in [0, 1] {
@@ -238,7 +238,7 @@ pub fn pixels_are_those_of_render(monado: &'static Monado) {
             }
         }
     }
-    println!("(light is compared beyond the rounding to halves)");
+    println!("(only differences of light in excess of the rounding to half floats count)");
     if both_by_software {
         share.print();
     }

@@ -22,20 +22,20 @@ use crate::{
     monado::{Monado, Service},
 };
 
-/// Limit of the relative difference of the factors from light to display.
+/// Largest allowed relative difference between the factors from light to display.
 const EXPOSURE_LIMIT: f64 = 1e-4;
-/// Limit of the relative difference of the glare from the kernel.
+/// Largest allowed relative difference between the glare and the kernel.
 const KERNEL_LIMIT: f64 = 0.02;
 
-/// Ratio of displayed light to scene light in an eye's image, in units of the factor given by the exposure: minimum and
-/// maximum over the pixels that are bright enough for half floats.
+/// Computes the ratio of displayed light to scene light in an eye's image, in units of the factor that the exposure
+/// gives. Returns its mean, and its relative variation over the pixels that are bright enough for half floats.
 fn factors(shot: &Shot, eye: usize, ev100: f64) -> [f64; 2] {
     let (_, mirrors) = shot.mirror.as_ref().unwrap();
     let mut sums = [0.0; 2];
     let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
     for (displayed, light) in shot.linear(eye).iter().zip(&mirrors[eye].hdr) {
         for (displayed, light) in displayed.iter().zip(light).take(3) {
-            // Neither clipped nor among the half floats with reduced precision.
+            // Use only values that are neither clipped nor half floats with reduced precision.
             if (1e-3..0.99).contains(displayed) {
                 let factor = f64::from(*displayed) / f64::from(*light) * white_luminance_cd_m2(ev100);
                 (least, most) = (least.min(factor), most.max(factor));
@@ -82,7 +82,7 @@ pub fn both_eyes_have_one_exposure(monado: &'static Monado) {
         alone[1],
     );
     assert!((left[0] / right[0] - 1.0).abs() < EXPOSURE_LIMIT && (left[0] - 1.0).abs() < EXPOSURE_LIMIT);
-    // Separate exposures of the eyes would be detected.
+    // The comparison would detect separate exposures of the eyes.
     assert!(((alone[0] - alone[1]).exp2() - 1.0).abs() > 10.0 * EXPOSURE_LIMIT);
 }
 
@@ -111,8 +111,8 @@ fn glare_at(
     sum / direction.angle_between(star).powi(2)
 }
 
-/// Largest and mean relative difference of the glare between both eyes in the same directions, and largest difference
-/// from the kernel.
+/// Largest and mean relative difference between the glare in both eyes, in the same directions, and the largest
+/// relative difference between the glare and the kernel.
 struct GlareDifference {
     between_eyes: f64,
     mean: f64,
@@ -143,7 +143,7 @@ fn compare_glare(shot: &Shot, eyes: &[Eye; 2], star: DVec3, expected: impl Fn(f6
     GlareDifference { between_eyes, mean: sum / f64::from(samples), from_kernel, samples: samples as usize }
 }
 
-/// Compares Sirius for eyes with different axes and fields of view on rings of 1 to 8 degrees around it.
+/// Compares the glare on rings of 1 to 8 degrees around Sirius, for eyes with different axes and fields of view.
 pub fn glare_is_the_same_around_a_star_for_both_eyes(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut between_eyes = figures::HEADSET_VEIL.worst();
@@ -151,10 +151,10 @@ pub fn glare_is_the_same_around_a_star_for_both_eyes(monado: &'static Monado) {
     let scene = format!(
         "[stars]\nmagnitude_limit = -1.0\n[exposure]\nmode = \"manual\"\nev100 = {ev100:?}\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n"
     );
-    // Position at the default time, 2026-01-01: it has moved by 35 arcsec since J2000.0.
+    // Use the position at the default time, 2026-01-01: Sirius has moved by 35 arcsec since J2000.0.
     let sirius = named_bright_stars(26.0).into_iter().find(|star| star.name == "Sirius").unwrap().star;
     let star = sirius.position.normalize();
-    // Off the axes of both eyes, and with a rolled head.
+    // The star is off the axes of both eyes, and the head is rolled.
     let ahead = Quat::from_rotation_arc(glam::Vec3::NEG_Z, star.as_vec3());
     let states = [(0.1, -0.08, 0.35), (-0.12, 0.15, -0.8)]
         .map(|(yaw, pitch, roll)| head(ahead * Quat::from_euler(EulerRot::YXZ, yaw, pitch, roll), canted_eyes()));

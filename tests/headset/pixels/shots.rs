@@ -1,5 +1,5 @@
-//! Images from the swapchains: the order of a test, and its result, which the program of the runtime writes to files
-//! for the test.
+//! Takes images from the swapchains: the order of a test, and the result, which the program of the runtime writes to
+//! files for the test.
 
 use std::{
     path::{Path, PathBuf},
@@ -25,7 +25,7 @@ use crate::monado::{Pose, RemoteState, Service};
 
 /// Environment variable that names the folder with the order and the images.
 pub const FOLDER_VARIABLE: &str = "STERADIAN_TEST_FOLDER";
-/// Maximum time of a program; it takes some seconds on an idle machine.
+/// Time limit of a program, which takes some seconds on an idle machine.
 const LIMIT: Duration = Duration::from_secs(240);
 
 /// A sphere with uniform luminance over its disc.
@@ -48,7 +48,7 @@ pub struct Assignment {
     pub scene: String,
     /// Bodies in addition to those of the configuration.
     pub spheres: Vec<Sphere>,
-    /// Whether the host requests the frame too.
+    /// Whether the host requests the frame too, as a mirror does.
     pub mirrored: bool,
 }
 
@@ -92,7 +92,7 @@ pub struct Order {
     pub assignments: Vec<Assignment>,
 }
 
-/// Output of the program for each shot. Numbers are the bits of f64, so that none is rounded.
+/// Output of the program for each shot. Numbers are written as the bits of f64, so that none is rounded.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Taken {
     pub eyes: [EyeBits; 2],
@@ -173,7 +173,7 @@ impl Shot {
     }
 }
 
-/// Returns settings with exact poses: the local space would be at the height of the head.
+/// Returns settings with exact poses. They use the stage, because the local space is at the height of the head.
 pub fn settings(format: SwapchainFormat, swapchains: SwapchainLayout, resolution_scale: f64) -> HeadsetSettings {
     HeadsetSettings {
         format,
@@ -254,7 +254,7 @@ pub fn head(orientation: Quat, eyes: [crate::monado::Eye; 2]) -> RemoteState {
     RemoteState { head: Pose::new(orientation, Vec3::new(0.0, 1.6, 0.0)), eyes, ..RemoteState::default() }
 }
 
-/// Returns eyes that differ in orientation and field of view: canted outwards by 5 and 6 degrees.
+/// Returns eyes that differ in orientation and field of view. They are rotated outwards by 5 and 6 degrees.
 pub fn canted_eyes() -> [crate::monado::Eye; 2] {
     let eye = |fov_rad, cant_deg: f32, position_m: [f32; 3]| crate::monado::Eye {
         fov_rad,

@@ -9,12 +9,12 @@ use crate::monado::{Monado, Service};
 
 /// Number of frames that the program renders.
 pub const FRAMES: u64 = 300;
-/// Maximum time. The runtime requests some 60 frames a second.
+/// Time limit. The runtime requests some 60 frames per second.
 const LIMIT: Duration = Duration::from_secs(120);
 /// Configuration of the scene.
 pub const SCENE: &str = "";
 
-/// Observations of the program.
+/// Values that the program observes.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Observations {
     /// Name and version of the runtime, and name of the system.
@@ -94,7 +94,7 @@ impl Observations {
     }
 }
 
-/// A whole session under the core validation layer, from its creation to the end requested by the program.
+/// Runs a whole session under the core validation layer, from its creation to the end that the program requests.
 pub fn three_hundred_frames(monado: &'static Monado) {
     let service = Service::simulated(monado);
     let folder = tempfile::tempdir().unwrap();

@@ -45,7 +45,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         view("flat", ViewKind::Perspective { size: [320, 200], fov_y_rad: 1.0 })?,
         view("cube", ViewKind::Cubemap { face_size: 128, faces: Face::ALL.to_vec() })?,
     ])?;
-    // Turn off glare, which would carry light over the edges of the flat view.
+    // Turn off glare, because it would scatter light over the edges of the flat view.
     let settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
@@ -58,13 +58,13 @@ fn run() -> Result<(), Box<dyn Error>> {
     let texts: Vec<String> = errors.iter().map(|error| format!("{error:+.1e}")).collect();
     println!("{}: relative error of the light {texts:?}", renderer.adapter().adapter);
     if errors.len() != rig.views().len() || !all_within(&errors) {
-        return Err("the pictures do not have the light of their stars".into());
+        return Err("the light in the pictures differs from that of their stars".into());
     }
     // The comparison must detect a missing star.
     if all_within(&errors_of_views(&frame, expected_lx(&MAGNITUDES[..1]))?) {
         return Err("a missing star was not detected".into());
     }
-    // Without options only the display images are read back.
+    // Without options, a request reads back only the display images.
     let frame = renderer.render(FrameRequest::new(&scene, &rig))?;
     if !frame.images.iter().all(|image| image.display.is_some() && image.hdr.is_none()) {
         return Err("a request without options did not return exactly the display images".into());

@@ -1,4 +1,4 @@
-//! Commands of deep stores.
+//! Commands for deep stores.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use testkit::exr_file::channels;
 
 use super::{command, run};
 
-/// Root checksum in the output of a command.
+/// Returns the root checksum in the output of a command.
 fn root(out: &str) -> String {
     let line =
         out.lines().find(|line| line.starts_with("root checksum")).unwrap_or_else(|| panic!("no checksum: {out}"));
@@ -44,7 +44,7 @@ fn a_deep_store_is_made_checked_divided_and_exported() {
     assert!(checked.contains("all checksums are right") && checked.contains("every composite star"), "{checked}");
     assert_eq!((root(&info), root(&checked)), (root(&made), root(&made)));
 
-    // A part, and the same stars as a table, which is read again.
+    // Export a part of the stars as a store and as a table, and read the table again.
     let part = ["--cone", "266,-29,30", "--magnitudes", "..13.8"];
     run(folder.path(), &[&["catalogue", "slice", "galaxy", "--out", "part"][..], &part].concat(), 0);
     let (exported, _) =
@@ -94,7 +94,8 @@ fn a_deep_store_is_made_checked_divided_and_exported() {
 #[test]
 fn an_import_counts_its_rules_and_does_not_overwrite_other_folders() {
     let folder = tempfile::tempdir().unwrap();
-    // Sirius again 1" off; a good and a bad parallax; no parallax; no colour; a star that is repeated.
+    // The rows are: Sirius, 1" from its position in the built-in table; a star with a good parallax and one with a bad
+    // parallax; a star without parallax; a star without colour; a star that is repeated.
     let gaia = "source_id,ra,dec,phot_g_mean_mag,bp_rp,parallax,parallax_error,pmra,pmdec\n\
         1,101.28716,-16.71640,-1.3,0.0,379,0.5,0,0\n2,10,20,15.0,0.8,2.0,0.1,1,1\n3,10.1,20,16.0,0.8,0.3,0.2,0,0\n\
         4,10.2,20,17.0,0.8,,,0,0\n5,10,20.0001,15.5,,2.0,0.1,0,0\n5,10,20.0001,15.5,,2.0,0.1,0,0\n";
@@ -107,7 +108,7 @@ fn an_import_counts_its_rules_and_does_not_overwrite_other_folders() {
         "distance by the prior: 2",
         "median temperature of their cell: 1",
         "duplicates of other stars: 1",
-        "within 2 arcsec and 1 mag of one of builtin:bright: 1",
+        "within 2 arcsec and 1 mag of a star of builtin:bright: 1",
         "9100 stars",
     ] {
         assert!(out.contains(part), "`{part}` is not in: {out}");

@@ -20,7 +20,7 @@ fn values_below_0_are_refused_by_their_option() {
         let (_, err) = run(folder.path(), &[command, option].concat(), 64);
         assert!(err.contains(part) && !err.contains("unexpected argument"), "{option:?}: {err}");
     }
-    // Their files are missing, which is noticed after the options are read.
+    // The files of these commands are missing, which is detected after the options are read.
     for (command, option) in [
         (&import[..], ["--fov-deg", "-10"]),
         (&["dome", "check", "--config", "a.toml"], ["--reflectivity", "-0.1"]),

@@ -7,7 +7,7 @@ struct Daemon(std::process::Child);
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // It may have ended already, as in most tests.
+        // The daemon may have ended already, as in most tests.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -77,7 +77,7 @@ fn serve_prints_its_address_and_exits_0_on_sigterm_and_sigint() {
     }
 }
 
-/// Until the daemon serves, SIGHUP is remembered: its default action would end the process.
+/// A SIGHUP that arrives before the daemon serves is kept for later. Its default action would end the process.
 #[cfg(unix)]
 #[test]
 fn sighup_during_the_start_is_remembered() {

@@ -1,4 +1,4 @@
-"""A table made to break imports: python adversarial.py STERADIAN FOLDER"""
+"""Imports a table that is made to cause errors: python adversarial.py STERADIAN FOLDER"""
 
 import pathlib
 import sys
@@ -19,7 +19,7 @@ def add(ra, dec, g, bp_rp=0.8, parallax="0.2", error="0.3", source=None):
     stars.append((float(ra), float(dec), g, bp_rp))
 
 
-# 100,489 stars in one square arcminute at the border of right ascension, on a grid of 0.19 arcsec with some disorder.
+# 100,489 stars in one square arcminute, where right ascension passes from 360 to 0 degrees, on a slightly irregular grid of 0.19 arcsec.
 side = 317
 step = 0.19
 shift = random.uniform(-0.05, 0.05, (2, side, side))
@@ -29,28 +29,28 @@ for row in range(side):
         add(x % 360, y, random.uniform(13.5, 21), random.uniform(-0.3, 3))
 # One star of V = 2 among them.
 add(0.004, 0.004, 2.0, 0.8)
-# Poles, with any right ascension, and next to them.
+# Stars on the poles, with various right ascensions, and next to them.
 for sign in [1, -1]:
     for number in range(12):
         add(30.0 * number, sign * 90.0, 14 + 0.1 * number)
         add(30.0 * number, sign * (90 - 1 / 3600), 16 + 0.1 * number)
-# Doubles of 0.05 arcsec.
+# Double stars with a separation of 0.05 arcsec.
 for number in range(300):
     ra, dec = 20 + 0.9 * number, -60 + 0.4 * number
     add(ra, dec, 15.0)
     add(ra, dec + 0.05 / 3600, 15.6)
-# Borders of right ascension, in several spellings.
+# Right ascensions at the ends of the range, in several notations.
 for number, ra in enumerate(["0", "360", "-0.0", "359.999999999", "1e-12", "-180", "180.0", "+90"]):
     add(ra, str(30 + number), 17.0)
-# Negative, absurd and missing parallaxes; one source number that is used for two stars.
+# Negative, absurd and missing parallaxes, and a source number that two stars share.
 for number, (parallax, error) in enumerate([("-5", "0.1"), ("-1e9", "1e-3"), ("NaN", "NaN"), ("null", ""), ("inf", "1"), ("1e-300", "0.1")]):
     add(100.0, 40.0 + number, 18.0, parallax=parallax, error=error)
 add(110.0, 40.0, 18.0, source=4711)
 add(111.0, 40.0, 18.5, source=4711)
 used = len(lines)
-# Rows that repeat a star: left out of the store.
+# Rows that repeat a star are left out of the store.
 lines += [lines[used - 1], lines[5], lines[5]]
-# Unusable rows by reason, with their number.
+# Reasons why rows are unusable, and the number of these rows.
 REFUSED = {
     ",,,,,,,,,": ("ra is missing", 40),
     "null,null,null,null,null,null,null,null,null,null": ("ra is missing", 30),
@@ -88,7 +88,7 @@ expect(said, "not stored: duplicates of other stars: 3", f"wrote store: {used} s
 checked = run(folder, "catalogue", "check", "store", "--light")
 expect(checked, f"{used} stars in", "every composite star matches its cell")
 
-# Every star comes back once, within the error of its leaf.
+# Every star is in the store once, within the error of its leaf.
 rows = exported(folder, "store")
 assert len(rows) == used
 ra, dec, v = (np.array([row[key] for row in rows]) for key in ["ra_deg", "dec_deg", "v_mag"])
@@ -101,7 +101,7 @@ found, true = directions(ra, dec), directions(true_ra, true_dec)
 
 
 def match(rows_here, stars_here, which):
-    """Each of the rows is one of the stars; `which` is the star of each row."""
+    """Matches each row with one of the stars; `which` is the star of each row."""
     assert sorted(which) == sorted(stars_here), (len(rows_here), len(stars_here))
     off = angle_arcsec(found[rows_here], true[which])
     assert (off < limit[which]).all(), (off / limit[which]).max()

@@ -61,7 +61,7 @@ UNITS = {
 
 
 def written(name, rows, **units):
-    """Writes a file; a row has the values of some columns, and the others are null."""
+    """Writes a file. A row gives the values of some columns; all others are null."""
     with gzip.open(folder / name, "wt", encoding="ascii", compresslevel=1) as file:
         file.write("# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n")
         for column in COLUMNS:
@@ -82,7 +82,7 @@ count = 3000
 ra, dec = random.uniform(0, 360, count), np.degrees(np.arcsin(random.uniform(-1, 1, count)))
 g, bp_rp = random.uniform(9, 20.5, count), random.uniform(-0.3, 4, count)
 pmra, pmdec = random.normal(0, 10, (2, count))
-# Five stars are fast; 400 have no BP-RP, 500 no parallax and motion, 7 no magnitude.
+# Five stars are fast, 400 have no BP-RP, 500 have neither parallax nor motion, and 7 have no magnitude.
 pmra[:5], pmdec[:5] = 900.0, -1200.0
 without_colour, two_parameters, without_g = np.arange(1000, 1400), np.arange(1300, 1800), np.arange(2000, 2007)
 rows = []
@@ -113,12 +113,12 @@ expect(
     "or without one: distance by the prior: 2993",
     "wrote gaia: 2993 stars",
 )
-# Distances of GSP-Phot are not measured. Their column is the only one that is reported as not stored.
+# Distances of GSP-Phot are not measured distances, so they are not stored. Only their column is reported as not stored.
 unread = [line for line in said.splitlines() if line.startswith("not stored: the columns")]
 assert unread == [f"not stored: the columns distance_gspphot of {file}" for file in files], said
 expect(run(folder, "catalogue", "check", "gaia", "--light"), "all checksums are right")
 
-# Every star is found at its position at its epoch, with V from G and BP-RP.
+# Every star is found at its position at the epoch of its layer, with V computed from G and BP-RP.
 stars = exported(folder, "gaia")
 found = directions(np.array([star["ra_deg"] for star in stars]), np.array([star["dec_deg"] for star in stars]))
 used = np.setdiff1d(np.arange(count), without_g)
@@ -128,7 +128,7 @@ assert len(set(nearest)) == len(used) == len(stars)
 which = used[nearest]
 at_2016 = np.array([star["ref_epoch"] for star in stars]) == 2016.0
 expected = towards[nearest]
-# Bright and fast stars are stored at J2000.0: move them back by 16 years, along a straight line.
+# Bright and fast stars are stored at J2000.0, so move the expected positions back by 16 years, along a straight line.
 moves = ~np.isin(which, two_parameters) & ~at_2016
 east = np.stack([-np.sin(np.radians(ra[which])), np.cos(np.radians(ra[which])), np.zeros(len(which))], -1)
 north = np.cross(expected, east)

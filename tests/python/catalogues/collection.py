@@ -1,4 +1,4 @@
-"""A collection that hats-import writes in this test, with a margin catalogue next to it: python collection.py STERADIAN FOLDER [STARS]"""
+"""Imports a collection, with a margin catalogue, that hats-import writes here: python collection.py STERADIAN FOLDER [STARS]"""
 
 import os
 import pathlib
@@ -17,7 +17,7 @@ count = int(sys.argv[3]) if len(sys.argv) > 3 else 200_000
 
 
 def table():
-    """Rows like those of Gaia; a third is in a clump, so that partitions have several orders."""
+    """Returns rows like those of Gaia. A third of the stars is in a clump, so that partitions have several orders."""
     random = np.random.default_rng(42)
     ra, dec = random.uniform(0, 360, count), np.degrees(np.arcsin(random.uniform(-1, 1, count)))
     clump = count // 3

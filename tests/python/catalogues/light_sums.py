@@ -1,4 +1,4 @@
-"""Light of a store against that of its table, whole sky: python light_sums.py STERADIAN FOLDER [STARS]"""
+"""Compares the light of a store of the whole sky with that of its table: python light_sums.py STERADIAN FOLDER [STARS]"""
 
 import pathlib
 import sys
@@ -9,11 +9,11 @@ from stores import LUMINANCE, exported, leaves, light, run
 folder = pathlib.Path(sys.argv[2]).resolve()
 count = int(sys.argv[3]) if len(sys.argv) > 3 else 200_000
 random = np.random.default_rng(11)
-# Stars within 10 degrees, so that leaves are as full as those of a large catalogue; more than a million stars cover the whole sky.
+# The stars are within 10 degrees, so that leaves are as full as those of a large catalogue. More than a million stars cover the whole sky.
 least = -1 if count > 1_000_000 else np.cos(np.radians(10))
 ra = random.uniform(0, 360, count)
 dec = np.degrees(np.arcsin(random.uniform(least, 1, count)))
-# A twentieth of the stars is bright. From V = 13 to 20, each magnitude has twice as many stars as the previous one.
+# A twentieth of the stars is bright. From V = 13 to 20, there are twice as many stars of each magnitude as of the previous one.
 bright = count // 20
 v = np.concatenate([random.uniform(11, 12.95, bright), 13 + np.log2(1 + 127 * random.uniform(0, 1, count - bright))])
 temperature = np.round(np.exp(random.uniform(np.log(2500), np.log(20000), count)), 2)
@@ -23,7 +23,7 @@ with open(folder / "table.csv", "w", encoding="ascii") as file:
     file.writelines("%.8f,%.8f,%.5f,%.2f\n" % row for row in zip(ra, dec, v, temperature))
 run(folder, "catalogue", "import", "table.csv", "--memory", "512MiB", "--out", "store")
 
-# Luminance, then the three channels.
+# Compare luminance, then the three channels.
 def off(found, expected):
     return [float(found @ LUMINANCE / (expected @ LUMINANCE) - 1), *(found / expected - 1)]
 

@@ -1,4 +1,4 @@
-"""Deep stores read without Steradian: by the layout that the module comments of index.rs and word.rs describe."""
+"""Reads deep stores without Steradian, according to the layout in the module comments of index.rs and word.rs."""
 
 import csv
 import math
@@ -28,7 +28,7 @@ def expect(text, *parts):
 
 
 def exported(folder, store, name="exported.csv"):
-    """The stars of a store: a list of rows, each a dictionary with numbers (None if empty)."""
+    """Returns the stars of a store: a list of rows, each a dictionary of numbers (None if empty)."""
     run(folder, "catalogue", "export", store, "--out", name)
     with open(folder / name, newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -49,7 +49,7 @@ def angle_arcsec(first, second):
 
 
 def leaves(store):
-    """Magnitudes and temperatures of all stars in leaves, and the sums of light in the index (lx, RGB)."""
+    """Returns magnitudes and temperatures of all stars in leaves, and the sums of light in the index (lx, RGB)."""
     index = (store / "index").read_bytes()
     assert index[:8] == b"STERDEEP"
     layers = struct.unpack_from("<I", index, 12)[0]
@@ -72,7 +72,7 @@ def leaves(store):
 
 
 def colour(temperature_k):
-    """Linear Rec. 709 of black bodies with luminance 1: Planck's law times the colour matching functions of the CIE."""
+    """Returns linear Rec. 709 of black bodies with luminance 1: Planck's law times the colour matching functions of the CIE."""
     root = pathlib.Path(__file__).parents[3]
     table = (root / "crates/sky/src/photometry/cie1931.rs").read_text(encoding="utf-8").split("COLOUR_MATCHING", 2)[2]
     rows = re.findall(r"\[([0-9.e-]+), ([0-9.e-]+), ([0-9.e-]+)\],", table)
@@ -89,7 +89,7 @@ def colour(temperature_k):
 
 
 def light(magnitude, temperature_k):
-    """Sum of light, lx, in three channels. Stars are added up exactly, in blocks that fit in memory."""
+    """Returns the sum of light, lx, in three channels. Stars are added up exactly, in blocks that fit in memory."""
     parts = []
     for first in range(0, len(magnitude), 100_000):
         some = slice(first, first + 100_000)
@@ -99,6 +99,6 @@ def light(magnitude, temperature_k):
 
 
 def v_of_gaia(g, bp_rp):
-    """V of G and BP-RP: Riello et al. 2021, A&A 649, A3, table C.2, G - V."""
+    """Returns V, computed from G and BP-RP: Riello et al. 2021, A&A 649, A3, table C.2, G - V."""
     x = np.clip(bp_rp, -0.5, 5.0)
     return g - (-0.02704 + 0.01424 * x - 0.2156 * x**2 + 0.01426 * x**3)

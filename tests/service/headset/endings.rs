@@ -1,4 +1,4 @@
-//! The end of a headset: by a drain, by an error of its driver, or by giving up.
+//! A headset ends because the daemon drains, because its driver fails, or because the daemon stops waiting for it.
 
 use super::*;
 
@@ -19,7 +19,7 @@ async fn a_drain_ends_the_headset_its_streams_and_the_figures() {
     assert!(host.shown().is_none());
     drop(client);
     daemon.end().await.unwrap();
-    assert!(headset.ended.load(SeqCst), "the daemon has waited for the thread");
+    assert!(headset.ended.load(SeqCst), "the daemon must have waited for the thread");
 }
 
 #[tokio::test]

@@ -1,8 +1,8 @@
-//! Figures and status of the headset in `WatchStats`.
+//! Tests the figures and the status of the headset in `WatchStats`.
 
 use super::*;
 
-/// Statistics with distinct values.
+/// Returns statistics in which all values are different.
 fn figures() -> HeadsetStatistics {
     let spread = |from: f64| Distribution { median_ms: from, p95_ms: from + 0.25, max_ms: from + 0.5 };
     HeadsetStatistics {
@@ -21,7 +21,7 @@ fn figures() -> HeadsetStatistics {
     }
 }
 
-/// Time of statistics, ns since 1970.
+/// Returns the time of statistics, ns since 1970.
 fn nanoseconds(stats: &proto::Stats) -> i128 {
     let time = stats.time.as_ref().unwrap();
     i128::from(time.seconds) * 1_000_000_000 + i128::from(time.nanos)
@@ -74,7 +74,7 @@ async fn statistics_are_those_of_the_headset() {
     assert_eq!(
         (all_statistics.frames_rendered, all_statistics.streams),
         (1, 1),
-        "the headset's frames are not the render thread's"
+        "frames of the headset must not count as frames of the render thread"
     );
     assert!(all_statistics.last_frame.is_some() && nanoseconds(&all_statistics) >= first_ns);
     daemon.shutdown().await.unwrap();
@@ -91,7 +91,7 @@ async fn a_status_change_is_reported_before_the_interval_ends() {
         let begin = Instant::now();
         let reported = within(stats.next()).await.unwrap().unwrap().headset.unwrap();
         assert_eq!(reported.status.unwrap().connected, connected);
-        assert!(begin.elapsed() < Duration::from_secs(50), "the report waited for the interval");
+        assert!(begin.elapsed() < Duration::from_secs(50), "the report was delayed until the end of the interval");
     }
     daemon.shutdown().await.unwrap();
 }
@@ -109,7 +109,7 @@ async fn dropped_frames_are_summed_and_invalid_intervals_refused() {
     for _ in 0..2 {
         streams.push(client.stream_frames("large", Encoding::Rgba8, 0.0).await.unwrap());
     }
-    // The streams are not read, and yet the renderer draws every pose.
+    // The renderer draws every pose although the streams are not read.
     for step in 1..=20_u32 {
         let drawn = daemon.controls.finished.load(SeqCst);
         client.set_camera(&at_x(f64::from(step))).await.unwrap();

@@ -452,7 +452,7 @@ fn only_the_newest_state_of_a_queue_is_drawn() {
     let actions = node.act(at(21));
     assert_eq!(actions[0], node::Action::Discard { id: id(1, 5) });
     assert!(matches!(actions[1..], [node::Action::Draw { id: drawn, .. }] if drawn == id(1, 6)), "{actions:?}");
-    // A picture that was skipped meanwhile is not reported either.
+    // A picture that was skipped in the meantime is not reported either.
     node.hear(at(22), ToNode::Skip(Skip { id: id(1, 6), why: SkipReason::Quorum }));
     node.drawn(at(23), id(1, 6), MS, Report::default());
     assert_eq!(node.act(at(23)), [node::Action::Discard { id: id(1, 6) }]);

@@ -4,13 +4,13 @@ use std::{fmt, ops::Range, str::FromStr};
 
 use serde::Serialize;
 
-/// Number of storage buffers from which the resolve pass reads a map of faint light.
+/// Minimum number of storage buffers per stage for the resolve pass to read a map of faint light.
 pub(super) const FAINT_MAP_FROM: u32 = 9;
-/// Number of storage buffers from which the resolve pass also writes the display image.
+/// Minimum number of storage buffers per stage for the resolve pass to write the display image in addition.
 pub(super) const FUSED_DISPLAY_FROM: u32 = 10;
-/// Number of storage buffers from which all passes also bind a buffer of projection tables.
+/// Minimum number of storage buffers per stage for all passes to bind a buffer of projection tables in addition.
 pub(super) const TABLES_FROM: u32 = 11;
-/// Smallest binding size, bytes, at which pictures and stars are still divided into parts of a useful size.
+/// Smallest binding size, in bytes, at which pictures and stars are still divided into parts of a useful size.
 const LEAST_BINDING_BYTES: u64 = 16 << 20;
 
 /// Options for the selection and use of an adapter.
@@ -28,8 +28,8 @@ pub struct GpuOptions {
     pub storage_buffers: Option<u32>,
     /// Uses no more than the default limits of WebGPU, which every adapter of that standard offers.
     pub default_limits: bool,
-    /// Binds at most this many bytes of stars or pixels at once, even if the adapter supports more, to test strips, batches and segments
-    /// on small images.
+    /// Binds at most this many bytes of stars or pixels at once, even if the adapter supports more. Tests use it to check strips, batches and
+    /// segments on small images.
     pub binding_limit_bytes: Option<u64>,
 }
 
@@ -97,9 +97,9 @@ fn positive(text: &str) -> Option<u32> {
 pub struct Need {
     /// Name of the limit.
     pub name: &'static str,
-    /// How much is needed.
+    /// Required value.
     pub needed: u64,
-    /// How much the adapter offers.
+    /// Value that the adapter offers.
     pub offered: u64,
 }
 
@@ -214,7 +214,7 @@ impl fmt::Display for AdapterReport {
 }
 
 /// Sizes of the memory blocks in which a software driver allocates buffers and textures; a larger resource has a separate block. A block is freed
-/// when nothing in it is used. In blocks of 128 MiB, wgpu's default, small buffers of later frames would keep the main memory of removed scenes
+/// when nothing in it is used. With blocks of 128 MiB, wgpu's default, small buffers of later frames would keep the main memory of removed scenes
 /// allocated.
 const SOFTWARE_BLOCK_BYTES: Range<u64> = 4 << 20..16 << 20;
 
@@ -236,7 +236,7 @@ impl Selection {
     ///
     /// # Errors
     ///
-    /// The needs that the adapter does not meet.
+    /// The adapter lacks something that all passes need. The error lists the unmet requirements.
     pub(super) fn new(adapter: &wgpu::Adapter, options: &GpuOptions) -> Result<Self, Vec<Need>> {
         let limits = used_limits(&adapter.limits(), options);
         let needs = needs(&limits);
@@ -293,7 +293,7 @@ impl Selection {
         Ok(Self { features, limits, needs, wide_accumulator, timestamps, blend_format, fallbacks, memory_hints })
     }
 
-    /// Descriptor for the device request.
+    /// Returns the descriptor for the device request.
     pub(super) fn descriptor(&self) -> wgpu::DeviceDescriptor<'static> {
         wgpu::DeviceDescriptor {
             label: Some("steradian"),

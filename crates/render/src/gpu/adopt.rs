@@ -1,6 +1,6 @@
 //! Wraps a Vulkan device that an OpenXR runtime created, and images of its swapchains.
 //!
-//! The only file of this module with unsafe code: each block says why it is sound.
+//! This is the only file of the module with unsafe code. Each block says why it is sound.
 #![expect(unsafe_code, reason = "the runtime of a headset supplies handles of Vulkan")]
 
 use std::ffi::CStr;
@@ -65,7 +65,7 @@ impl Gpu {
         // SAFETY: the loader was loaded just now.
         let available = unsafe { loader.try_enumerate_instance_version() };
         let available = available.map_err(|error| refused("Vulkan's version", error))?.unwrap_or(vk::API_VERSION_1_0);
-        // Do not limit this to the version that the runtime was tested with: wgpu uses all functions of the version of the device.
+        // Do not limit this to the version that the runtime was tested with: wgpu uses all functions of the device's version.
         let version = available.min(NEWEST_API_VERSION);
         let flags = wgpu::InstanceFlags::empty();
         let extensions = hal::vulkan::Instance::desired_extensions(&loader, version, flags)

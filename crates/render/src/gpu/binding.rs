@@ -24,13 +24,13 @@ pub(crate) fn bind_in_order(
     bind_buffers(gpu, pipeline, group, &bindings)
 }
 
-/// Returns the columns and rows of a dispatch of at least `workgroups` workgroups, both within the adapter's limit.
+/// Returns the columns and rows of a dispatch of at least `workgroups` workgroups. Both numbers are within the adapter's limit.
 pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
     let columns = workgroups.clamp(1, gpu.max_workgroups);
     [columns, workgroups.div_ceil(columns)]
 }
 
-/// Bind group of the tables: the last one that every adapter supports. The other bind groups of passes count from 0.
+/// Bind group of the tables: the last one that every adapter supports. The other bind groups of passes are numbered from 0.
 const TABLES_GROUP: u32 = 3;
 
 /// Tables that passes bind in addition to their own buffers.
@@ -98,7 +98,7 @@ fn table_texture(gpu: &Gpu, groups: &[[u32; 4]]) -> wgpu::TextureView {
 }
 
 impl Gpu {
-    /// Location of the tables that all passes share. Shaders that read tables declare them in the same form.
+    /// How the tables that all passes share are stored. Shaders that read tables declare them in the same form.
     pub(crate) fn table_form(&self) -> TableForm {
         self.tables.form()
     }

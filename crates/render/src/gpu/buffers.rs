@@ -57,7 +57,7 @@ impl GrowingBuffer {
         Self { label, usage, buffer: None }
     }
 
-    /// A buffer for a list that shaders declare as uniform: see [`GrowingBuffer::upload_list`].
+    /// Creates a buffer for a list that shaders declare as uniform: see [`GrowingBuffer::upload_list`].
     pub(crate) fn for_list(label: &'static str) -> Self {
         Self::new(label, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)
     }
@@ -94,7 +94,7 @@ impl GrowingBuffer {
         self.upload(gpu, items)
     }
 
-    /// The buffer, if it was created.
+    /// Returns the buffer, if it was created.
     pub(crate) fn held(&self) -> Option<&wgpu::Buffer> {
         self.buffer.as_ref()
     }
@@ -114,13 +114,13 @@ pub(crate) struct ReadbackPlace {
     offset: u64,
 }
 
-/// Host-visible buffers that results are copied into: as many as needed, none larger than the adapter's limit.
+/// Host-visible buffers that results are copied into. There are as many as needed, and none is larger than the adapter's limit.
 pub(crate) struct ReadbackBuffer {
     label: &'static str,
     buffers: Vec<GrowingBuffer>,
     /// Bytes of each buffer that the frame uses so far.
     used: Vec<u64>,
-    /// Announced bytes that are not copied yet.
+    /// Bytes that were announced but are not copied yet.
     expected: u64,
 }
 
@@ -129,13 +129,13 @@ impl ReadbackBuffer {
         Self { label, buffers: Vec::new(), used: Vec::new(), expected: 0 }
     }
 
-    /// Discards the old contents. About `bytes` bytes will be copied.
+    /// Discards the old contents, and announces that about `bytes` bytes will be copied.
     pub(crate) fn begin(&mut self, bytes: u64) {
         self.used.clear();
         self.expected = bytes;
     }
 
-    /// Records a copy of `bytes` bytes from `source`, at most the limit of one buffer. Returns their position.
+    /// Records a copy of `bytes` bytes from `source`, which must not exceed the limit of one buffer. Returns their position.
     pub(crate) fn copy(
         &mut self,
         gpu: &Gpu,
@@ -154,7 +154,7 @@ impl ReadbackBuffer {
             self.buffers.push(GrowingBuffer::new(self.label, usage));
         }
         let place = ReadbackPlace { buffer: index, offset: self.used[index] };
-        // The first copy of a frame into a buffer allocates it for all remaining bytes: it must not grow after a copy into it.
+        // The first copy of a frame into a buffer allocates the buffer for all remaining bytes, because it must not grow after a copy into it.
         let room = if place.offset == 0 { self.expected.min(limit).max(bytes) } else { place.offset + bytes };
         encoder.copy_buffer_to_buffer(source, offset, self.buffers[index].with_room(gpu, room), place.offset, bytes);
         self.used[index] = (place.offset + bytes).next_multiple_of(16);

@@ -1,9 +1,9 @@
 //! Compiles the shaders of a software driver on several threads.
 //!
-//! A software driver compiles a compute shader when it first runs, on the thread of the queue, one shader after another, and stores the
-//! machine code in a cache on disk. Therefore each shader is dispatched once with zero workgroups, on extra devices, one per thread. The
-//! device that draws frames then loads the machine code from the cache. A shader that the cache already has is skipped
-//! (`gpu/driver_cache.rs`), and so is a driver without such a cache.
+//! A software driver compiles a compute shader when it first runs, on the thread of the queue, one shader after another, and stores the machine code
+//! in a cache on disk. Therefore each shader is dispatched once with zero workgroups, on extra devices, one per thread. The device that draws frames
+//! then loads the machine code from the cache. Shaders that the cache already has are skipped (`gpu/driver_cache.rs`). If the driver has no such
+//! cache, nothing is compiled in advance.
 
 use std::{
     mem,
@@ -34,7 +34,7 @@ enum BindingKind {
         usage: wgpu::BufferUsages,
         bytes: u64,
     },
-    /// A texture of one texel per layer. The driver's code for reading does not depend on its format.
+    /// A texture of one texel per layer. The driver's code for reading a texture does not depend on its format.
     Texture {
         format: wgpu::TextureFormat,
         dimension: wgpu::TextureViewDimension,
@@ -43,7 +43,7 @@ enum BindingKind {
     Sampler,
 }
 
-/// Why a shader is not compiled ahead, so that the first frame compiles it.
+/// Reason why a shader cannot be compiled in advance. The first frame compiles it instead.
 #[derive(Debug, thiserror::Error)]
 enum SkipReason {
     #[error("no second device: {0}")]
@@ -62,7 +62,7 @@ struct Shader {
     constants: Vec<(String, f64)>,
 }
 
-/// Compiling devices that no thread uses at the moment.
+/// Devices for compiling that no thread uses at the moment.
 type Idle = Mutex<Vec<(wgpu::Device, wgpu::Queue)>>;
 
 /// Treatment of the shaders of created pipelines.
@@ -73,7 +73,7 @@ enum Mode {
     Nothing,
     /// The creating thread compiles them, on one of these devices.
     Compile(Arc<Idle>),
-    /// They are kept for later.
+    /// They are collected, to be compiled later.
     Collect(Vec<Shader>),
 }
 
@@ -92,8 +92,8 @@ pub(crate) struct CollectedShaders {
 }
 
 impl CollectedShaders {
-    /// Compiles those that the driver's cache does not have, on the threads of rayon's current pool. A frame that needs one of them before
-    /// compiles it itself.
+    /// Compiles those that the driver's cache does not have, on the threads of rayon's current pool. A frame that needs one of them earlier compiles
+    /// it itself.
     pub(crate) fn compile(&self) {
         let begin = Instant::now();
         let idle = Idle::default();
@@ -130,7 +130,7 @@ impl CompileAhead {
         }
     }
 
-    /// The shaders that were collected; ends the collection.
+    /// Returns the shaders that were collected, and ends the collection.
     pub(super) fn take_collected(self: &Arc<Self>) -> Option<CollectedShaders> {
         let mut mode = self.mode();
         let Mode::Collect(collected) = &mut *mode else { return None };
@@ -169,7 +169,7 @@ impl CompileAhead {
         });
         // The first frame compiles the shader instead.
         if let Err(reason) = compiled {
-            tracing::debug!("{} is not compiled ahead: {reason}", source.name);
+            tracing::debug!("cannot compile {} in advance, so the first frame compiles it: {reason}", source.name);
         }
     }
 
@@ -178,7 +178,7 @@ impl CompileAhead {
     }
 }
 
-/// Returns the bindings that an entry point uses: those in the layout that a pipeline derives from it.
+/// Returns the bindings that an entry point uses. They are those in the layout that a pipeline derives from it.
 fn bindings(source: &ShaderSource) -> Result<Vec<Binding>, SkipReason> {
     let module = naga::front::wgsl::parse_str(&source.text).map_err(|error| SkipReason::Parse(error.to_string()))?;
     let mut validator =
@@ -213,7 +213,7 @@ fn bindings(source: &ShaderSource) -> Result<Vec<Binding>, SkipReason> {
         .collect()
 }
 
-/// A format that a texture of this class may have, and its usage; `None` for textures with several samples.
+/// Returns a format that a texture of this class may have, and its usage; `None` for textures with several samples.
 fn form_of(class: naga::ImageClass) -> Option<(wgpu::TextureFormat, wgpu::TextureUsages)> {
     let format = match class {
         naga::ImageClass::Sampled { kind: naga::ScalarKind::Uint, multi: false } => wgpu::TextureFormat::Rgba32Uint,
@@ -227,7 +227,7 @@ fn form_of(class: naga::ImageClass) -> Option<(wgpu::TextureFormat, wgpu::Textur
     Some((format, wgpu::TextureUsages::TEXTURE_BINDING))
 }
 
-/// Creates the pipeline on a device and dispatches zero workgroups, for which the driver compiles it.
+/// Creates the pipeline on a device and dispatches zero workgroups, so that the driver compiles it.
 fn dispatch_nothing(
     device: &wgpu::Device,
     queue: &wgpu::Queue,

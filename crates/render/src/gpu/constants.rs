@@ -15,7 +15,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// The declarations in WGSL.
+    /// Returns the declarations in WGSL.
     pub fn wgsl(&self) -> String {
         let mut text = String::new();
         for (name, kind, value) in &self.constants {
@@ -27,7 +27,7 @@ impl Table {
 
 /// A value that a table can hold.
 pub(crate) trait ConstantValue: WgslType {
-    /// The value in WGSL.
+    /// Returns the value in WGSL.
     fn value(&self) -> String;
 }
 
@@ -44,7 +44,7 @@ impl ConstantValue for i32 {
 }
 
 impl ConstantValue for f32 {
-    /// The shortest decimal that parses to this number.
+    /// Returns the shortest decimal that parses to this number.
     fn value(&self) -> String {
         assert!(self.is_finite(), "WGSL has no literal for {self}");
         format!("{self:?}")
@@ -74,7 +74,7 @@ macro_rules! shared_constants {
             }
         )+
 
-        /// All tables of constants.
+        /// Returns all tables of constants.
         pub fn tables() -> Vec<$crate::gpu::Table> {
             use $crate::gpu::{ConstantValue, Table, WgslType};
             vec![$(Table {

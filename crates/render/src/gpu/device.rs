@@ -24,7 +24,7 @@ pub enum GpuError {
     /// No adapter, or none with the given name, was found.
     #[error("{0}")]
     NoAdapter(String),
-    /// The adapter with the given name, or every adapter, lacks something that all passes need.
+    /// The adapter with the given name lacks something that all passes need; without a name, every adapter does.
     #[error("{}", unusable(.0))]
     Unusable(Vec<Skipped>),
     /// The driver refused the device.
@@ -86,7 +86,7 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens an adapter. Prefers discrete GPUs to integrated ones, and those to software drivers. Adapters that lack something that all
+    /// Opens an adapter. Prefers discrete GPUs to integrated ones, and integrated GPUs to software drivers. Adapters that lack something that all
     /// passes need are skipped.
     ///
     /// # Errors
@@ -216,22 +216,22 @@ impl Gpu {
         }
     }
 
-    /// Report on the adapter.
+    /// Returns the report on the adapter.
     pub fn report(&self) -> &AdapterReport {
         &self.report
     }
 
-    /// The needs of all passes, each with the limit of the adapter.
+    /// Returns the needs of all passes, each with the limit of the adapter.
     pub fn needs(&self) -> &[Need] {
         &self.needs
     }
 
-    /// Options that open the same adapter in the same way.
+    /// Returns the options that open the same adapter in the same way.
     pub fn options(&self) -> &GpuOptions {
         &self.options
     }
 
-    /// Maximum size of tables in a storage buffer, bytes; 0 if tables are in a texture.
+    /// Returns the maximum size of tables in a storage buffer, bytes; 0 if tables are in a texture.
     pub(crate) fn table_buffer_bytes(&self) -> u64 {
         if self.storage_buffers >= TABLES_FROM { self.max_binding_bytes() } else { 0 }
     }
@@ -248,22 +248,22 @@ impl Gpu {
         }
     }
 
-    /// Largest side of a view in pixels.
+    /// Returns the largest side of a view in pixels.
     pub fn max_view_side_px(&self) -> u32 {
         self.device.limits().max_texture_dimension_2d
     }
 
-    /// Largest number of workgroups of a dispatch along an axis.
+    /// Returns the largest number of workgroups of a dispatch along an axis.
     pub(crate) fn max_workgroups(&self) -> u32 {
         self.max_workgroups
     }
 
-    /// Largest size of a buffer binding, bytes.
+    /// Returns the largest size of a buffer binding, bytes.
     pub(crate) fn max_binding_bytes(&self) -> u64 {
         self.binding_limit_bytes
     }
 
-    /// Largest size of a host-visible buffer, bytes.
+    /// Returns the largest size of a host-visible buffer, bytes.
     pub(crate) fn max_readback_bytes(&self) -> u64 {
         self.readback_limit_bytes
     }

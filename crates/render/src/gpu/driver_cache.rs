@@ -18,7 +18,7 @@ use super::ShaderSource;
 const PART: Part = Part { name: "compiled-shader", version: 1 };
 const FORM: Form<()> = Form { to_bytes: |()| Vec::new(), from_bytes: |bytes| bytes.is_empty().then_some(()) };
 
-/// Folders of Mesa's cache in the user's folder of caches, by version of Mesa.
+/// Names of Mesa's cache folders in the user's cache folder. Versions of Mesa differ in the name.
 const FOLDERS: [&str; 2] = ["mesa_shader_cache_db", "mesa_shader_cache"];
 
 /// The driver's cache.
@@ -58,20 +58,21 @@ impl DriverCache {
         cache::kept_or_made(PART, &inputs.map(str::as_bytes), FORM, compile)
     }
 
-    /// The existing folders with the times of their creation; `None` if no folder exists, or the system does not know its time.
+    /// Returns the existing folders with the times of their creation. Returns `None` if no folder exists or the system does not record creation
+    /// times.
     fn identity(&self) -> Option<String> {
         let folders: Vec<String> = self.folders.iter().filter_map(|folder| created(folder)).collect();
         (!folders.is_empty()).then(|| folders.join("\n"))
     }
 }
 
-/// A folder and the time of its creation.
+/// Returns a folder and the time of its creation.
 fn created(folder: &Path) -> Option<String> {
     let created = folder.metadata().ok()?.created().ok()?.duration_since(UNIX_EPOCH).ok()?;
     Some(format!("{} {}", folder.display(), created.as_nanos()))
 }
 
-/// Folders in which Mesa may keep shaders, for values of environment variables (`docs.mesa3d.org/envvars.html`).
+/// Returns the folders in which Mesa may keep shaders, given the values of environment variables (`docs.mesa3d.org/envvars.html`).
 fn folders(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let base = variable("MESA_SHADER_CACHE_DIR")
         .or_else(|| variable("XDG_CACHE_HOME"))

@@ -1,4 +1,4 @@
-//! Buffers of parameters and bind groups that frames reuse: a frame like the previous one creates none.
+//! Buffers of parameters and bind groups that frames reuse: a frame that needs the same objects as the previous frame creates none.
 //!
 //! A frame requests its buffers in the same order as the previous frame and receives the same ones with new contents. Writes to a queue are
 //! executed after all earlier submissions, so they do not disturb a frame that is still being drawn. A bind group is identified by its
@@ -36,12 +36,12 @@ pub struct ObjectsMade<N = u64> {
 pub(super) type Counters = ObjectsMade<AtomicU64>;
 
 impl ObjectsMade {
-    /// Their sum.
+    /// Returns their sum.
     pub fn all(&self) -> u64 {
         self.buffers + self.bind_groups + self.pipelines
     }
 
-    /// Numbers of objects created since `before`.
+    /// Returns the numbers of objects created since `before`.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         Self {
@@ -93,7 +93,7 @@ impl ResourceKey {
 
 type GroupKey = (LayoutKey, Vec<(u32, ResourceKey)>);
 
-/// Buffers of one label and usage.
+/// Buffers with the same label and usage.
 #[derive(Default)]
 struct Slots {
     buffers: Vec<wgpu::Buffer>,
@@ -146,7 +146,7 @@ impl Gpu {
         *lock(&self.pool) = FramePool::default();
     }
 
-    /// Numbers of objects created so far.
+    /// Returns the numbers of objects created so far.
     pub fn made(&self) -> ObjectsMade {
         let Counters { buffers, bind_groups, pipelines } = &*self.counters;
         ObjectsMade {
@@ -218,7 +218,8 @@ impl Gpu {
         buffer
     }
 
-    /// Returns a bind group of a layout, in the order of its bindings. Reuses the existing one with the same resources, if any.
+    /// Returns a bind group of a layout, with the given resources in the order of the bindings. Reuses an existing bind group with the same
+    /// resources, if any.
     pub(crate) fn bind(&self, layout: LayoutOf<'_>, resources: &[(u32, wgpu::BindingResource<'_>)]) -> wgpu::BindGroup {
         let bound: Option<Vec<_>> =
             resources.iter().map(|(binding, resource)| Some((*binding, ResourceKey::new(resource)?))).collect();

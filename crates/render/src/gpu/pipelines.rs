@@ -15,8 +15,8 @@ use super::{
     frame_pool::Counters,
 };
 
-/// Pipelines of one pass, by the settings that are compiled into them. The first request for a pipeline creates it; requests of other
-/// threads for the same one wait.
+/// Pipelines of one pass, keyed by the settings that are compiled into them. The first request for a pipeline creates it; requests of other threads
+/// for the same one wait.
 pub(crate) struct Variants<K, P> {
     made: Mutex<Vec<(K, Arc<OnceLock<P>>)>>,
 }
@@ -31,7 +31,7 @@ impl<K: PartialEq, P: Clone> Variants<K, P> {
         self.cell(key).get_or_init(make).clone()
     }
 
-    /// Returns a job that creates the pipeline for `key` with `make`, unless it exists. Another thread can run it while this one draws.
+    /// Returns a job that creates the pipeline for `key` with `make`, unless it exists. Another thread can run the job while this thread draws.
     pub(crate) fn job(&self, key: K, make: impl FnOnce() -> P + Send + 'static) -> impl FnOnce() + Send + 'static
     where
         P: Send + Sync + 'static,
@@ -86,7 +86,7 @@ pub(super) fn make_compute_pipeline(
     })
 }
 
-/// The form of a shader that suits the adapter.
+/// Returns the form of a shader that suits the adapter.
 fn suited(source: &ShaderSource, software: bool) -> Cow<'_, ShaderSource> {
     if software { Cow::Owned(source.for_software()) } else { Cow::Borrowed(source) }
 }
@@ -100,7 +100,7 @@ fn timed<P>(counters: &Counters, name: &str, make: impl FnOnce() -> P) -> P {
     pipeline
 }
 
-/// Creates compute pipelines of a device, also on a thread that does not draw.
+/// Creates compute pipelines of a device. It can be used on a thread that does not draw.
 #[derive(Clone)]
 pub(crate) struct ComputePipelines {
     device: wgpu::Device,
@@ -133,7 +133,7 @@ impl Gpu {
         timed(&self.counters, name, || self.device.create_render_pipeline(descriptor))
     }
 
-    /// Factory for compute pipelines of this device.
+    /// Returns a factory for compute pipelines of this device.
     pub(crate) fn compute_pipelines(&self) -> ComputePipelines {
         ComputePipelines {
             device: self.device.clone(),
@@ -172,12 +172,12 @@ impl Gpu {
         }
     }
 
-    /// The shaders that were collected.
+    /// Returns the shaders that were collected.
     pub(crate) fn collected_shaders(&self) -> Option<CollectedShaders> {
         self.compile_ahead.as_ref()?.take_collected()
     }
 
-    /// Creates a pipeline with one colour target, without depth and vertex buffers, with the layout of its shaders.
+    /// Creates a pipeline with one colour target, without depth and vertex buffers. Its layout is that of its shaders.
     pub(crate) fn colour_pipeline(
         &self,
         vertex: &Stage<'_>,

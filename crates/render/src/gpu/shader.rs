@@ -7,7 +7,7 @@
 //!   and structures that are generated from Rust (see [`super::constants`] and [`super::structs`]).
 //! - `#import accumulate = shared/accumulate_u32 | shared/accumulate_u64`: one of these files. The Rust code of the shader chooses it by the
 //!   name `accumulate`. `stars/billboards/profile_*` matches all files whose paths begin with the part before the `*`.
-//! - `#when shared/tabulated` ... `#end`: the lines between are included only if that file was included before. They contain no directives.
+//! - `#when shared/tabulated` ... `#end`: the lines between are included only if that file has already been included. They contain no directives.
 //! - `#requires u64`: the shader needs 64-bit integers and atomics.
 //!
 //! Comments begin with `//`; block comments are not recognised.
@@ -30,14 +30,14 @@ pub struct ShaderSource {
 }
 
 impl ShaderSource {
-    /// The same shader for software drivers: its loops test at their end, so they do not run once more than needed.
+    /// The same shader for software drivers: its loops test at their end, so that no loop runs once more than needed.
     #[must_use]
     pub fn for_software(&self) -> Self {
         Self { text: loops::tested_at_end(&self.text), ..self.clone() }
     }
 }
 
-/// Why files cannot be joined into a shader.
+/// Reasons why files cannot be joined into a shader.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShaderError {
@@ -213,7 +213,7 @@ impl<'a> Directive<'a> {
     }
 }
 
-/// The part of a line before its comment.
+/// Returns the part of a line before its comment.
 fn without_comment(line: &str) -> &str {
     line.split_once("//").map_or(line, |(code, _)| code)
 }
@@ -239,12 +239,12 @@ impl Library {
         Self { texts: files.into_iter().map(|(stem, text)| (stem.into(), text.into())).collect() }
     }
 
-    /// The files with entry points.
+    /// Returns the files with entry points.
     pub(crate) fn entry_files(&self) -> impl Iterator<Item = &str> {
         self.texts.iter().filter(|(_, text)| !entry_points(text).is_empty()).map(|(stem, _)| stem.as_str())
     }
 
-    /// Returns the stem and entry point of a file that must have exactly one.
+    /// Returns the stem and the entry point of a file, which must have exactly one entry point.
     pub(crate) fn entry(&self, stem: &str) -> Result<(&str, &str), ShaderError> {
         let (name, text) = self.texts.get_key_value(stem).ok_or_else(|| ShaderError::UnknownFile(stem.to_owned()))?;
         match entry_points(text).as_slice() {

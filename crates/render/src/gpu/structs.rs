@@ -8,12 +8,12 @@
 
 use std::fmt::Write;
 
-/// A Rust type that has a counterpart in WGSL. To give a field another WGSL type than the ones below, wrap its Rust type and implement this.
+/// A Rust type that has a counterpart in WGSL. To give a field a WGSL type that is not listed below, wrap its Rust type and implement this.
 pub(crate) trait WgslType {
     /// The shared structure: the type itself, or the element type of an array.
     const STRUCT: Option<&'static str> = None;
 
-    /// The type in WGSL.
+    /// Returns the type in WGSL.
     fn wgsl() -> String;
 }
 
@@ -39,7 +39,7 @@ wgsl_types! {
     [f32; 5] => "array<f32, 5>",
 }
 
-/// A type whose arrays are arrays in WGSL too. (Arrays of up to four numbers are vectors instead.)
+/// A type whose arrays are arrays in WGSL too. (Arrays of up to four numbers are vectors in WGSL instead.)
 pub(crate) trait ArrayElement: WgslType {}
 
 impl ArrayElement for [f32; 3] {}
@@ -77,7 +77,7 @@ pub struct StructField {
 }
 
 impl StructLayout {
-    /// The declaration in WGSL, after imports of the structures that it contains.
+    /// Returns the declaration in WGSL, after imports of the structures that it contains.
     pub fn wgsl(&self) -> String {
         let mut text = String::new();
         for contained in self.fields.iter().filter_map(|field| field.contained) {
@@ -111,7 +111,7 @@ macro_rules! gpu_structs {
             impl $crate::gpu::ArrayElement for $name {}
         )+
 
-        /// Descriptions of these structures.
+        /// Returns the descriptions of these structures.
         pub fn struct_layouts() -> Vec<$crate::gpu::StructLayout> {
             use $crate::gpu::{StructField, StructLayout, WgslType};
             vec![$(StructLayout {

@@ -40,7 +40,7 @@ pub fn read_layer(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<
     Ok(rows.flat_map(|row| &row[..row_bytes as usize]).copied().collect())
 }
 
-/// Converts bytes of [`read_layer`] to texels, which have four 16-bit floats each.
+/// Converts the bytes that [`read_layer`] returned to texels, which have four 16-bit floats each.
 pub fn texels_of_halves(bytes: &[u8]) -> Vec<[f32; 4]> {
     let (texels, _) = bytes.as_chunks::<8>();
     let half = |texel: &[u8; 8], first: usize| f16::from_le_bytes([texel[first], texel[first + 1]]).to_f32();

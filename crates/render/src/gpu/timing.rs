@@ -9,7 +9,7 @@ const MAX_PASSES: u32 = 256;
 pub(crate) struct GpuTimer {
     queries: Option<(wgpu::QuerySet, wgpu::Buffer)>,
     names: Vec<&'static str>,
-    /// Whether the frame has more passes than can be timed: then it has no times, rather than wrong ones.
+    /// Whether the frame has more passes than can be timed. It then returns no times instead of wrong ones.
     too_many: bool,
     period_ns: f64,
 }
@@ -38,7 +38,7 @@ impl GpuTimer {
         self.too_many = false;
     }
 
-    /// Timestamp writes of a compute pass.
+    /// Returns the timestamp writes of a compute pass.
     pub(crate) fn pass(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let (query_set, first) = self.next(name)?;
         Some(wgpu::ComputePassTimestampWrites {
@@ -48,7 +48,7 @@ impl GpuTimer {
         })
     }
 
-    /// Timestamp writes of a render pass.
+    /// Returns the timestamp writes of a render pass.
     pub(crate) fn render_pass(&mut self, name: &'static str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         let (query_set, first) = self.next(name)?;
         Some(wgpu::RenderPassTimestampWrites {
@@ -70,7 +70,7 @@ impl GpuTimer {
         Some((set, 2 * index))
     }
 
-    /// Size of the times in the readback buffer, bytes.
+    /// Returns the size of the times in the readback buffer, bytes.
     pub(crate) fn readback_bytes() -> u64 {
         u64::from(2 * MAX_PASSES) * 8
     }
@@ -91,7 +91,7 @@ impl GpuTimer {
         Some(readback.copy(gpu, encoder, buffer, 0, u64::from(count) * 8))
     }
 
-    /// Name and duration in ms of every pass.
+    /// Returns the name and duration in ms of every pass.
     pub(crate) fn times_ms(&self, ticks: &[u64]) -> Vec<(&'static str, f64)> {
         self.names
             .iter()
@@ -100,7 +100,7 @@ impl GpuTimer {
             .collect()
     }
 
-    /// Duration from the beginning of the first pass to the end of the last pass, ms.
+    /// Returns the duration from the beginning of the first pass to the end of the last pass, ms.
     pub(crate) fn whole_ms(&self, ticks: &[u64]) -> Option<f64> {
         let (begin, end) = (ticks.first()?, ticks.last()?);
         Some(end.saturating_sub(*begin) as f64 * self.period_ns * 1e-6)

@@ -1,8 +1,8 @@
 //! Centroid: the centre of a star's light, compared with the star's expected position.
 //!
-//! Every pixel counts as a point at its centre with the weight luminance times solid angle. The window must contain all
-//! of the star's light and no other light. Pixel coordinates do not continue over the edges of an image: across the
-//! date line of an equirectangular image or the edges of a cubemap, use directions.
+//! Every pixel counts as a point at its centre with the weight luminance times solid angle. The window must contain all of the star's light and no
+//! other light. Pixel coordinates do not continue beyond the edges of an image. Use directions if the window crosses the date line of an
+//! equirectangular image or an edge of a cubemap.
 
 use glam::{DVec2, DVec3};
 
@@ -13,42 +13,42 @@ use super::{
     moments::moments,
 };
 
-/// Centroid of the light within `radius_px` of `expected`, in continuous pixel coordinates.
+/// Returns the centroid of the light within `radius_px` of `expected`, in continuous pixel coordinates.
 ///
 /// # Errors
-/// [`MetricError::NoLight`] if nothing shines there, [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
+/// [`MetricError::NoLight`] if there is no light, [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
 pub fn centroid_px(image: &HdrView<'_>, expected: DVec2, radius_px: f64) -> Result<DVec2, MetricError> {
     let lit = image.lit_near_pixel(expected, radius_px)?;
     Ok(moments(&lit).ok_or(MetricError::NoLight("a centroid"))?.mean)
 }
 
-/// Distance of the centroid within `radius_px` of `expected` from `expected`, pixels.
+/// Returns the distance between `expected` and the centroid of the light within `radius_px` of it, pixels.
 ///
 /// # Errors
-/// As [`centroid_px`].
+/// Same as [`centroid_px`].
 pub fn centroid_error_px(image: &HdrView<'_>, expected: DVec2, radius_px: f64) -> Result<f64, MetricError> {
     Ok((centroid_px(image, expected, radius_px)? - expected).length())
 }
 
-/// Unit direction of the centroid of the light within `radius_rad` of `expected`, over images that together show every
-/// direction at most once.
+/// Returns the unit direction of the centroid of the light within `radius_rad` of `expected`, over images that together show every direction at most
+/// once.
 ///
 /// # Errors
-/// As [`centroid_px`].
+/// Same as [`centroid_px`].
 pub fn centroid_direction(images: &[HdrView<'_>], expected: DVec3, radius_rad: f64) -> Result<DVec3, MetricError> {
     let lit = lit_near_direction(images, expected, radius_rad)?;
     mean_direction(&lit).ok_or(MetricError::NoLight("a centroid"))
 }
 
-/// Angle between the centroid within `radius_rad` of `expected` and `expected`, rad.
+/// Returns the angle between `expected` and the centroid of the light within `radius_rad` of it, rad.
 ///
 /// # Errors
-/// As [`centroid_px`].
+/// Same as [`centroid_px`].
 pub fn centroid_error_rad(images: &[HdrView<'_>], expected: DVec3, radius_rad: f64) -> Result<f64, MetricError> {
     Ok(separation_rad(centroid_direction(images, expected, radius_rad)?, expected))
 }
 
-/// Direction of the weighted sum of directions.
+/// Returns the direction of the weighted sum of directions.
 pub(super) fn mean_direction(lit: &[(DVec3, f64)]) -> Option<DVec3> {
     lit.iter().map(|(direction, light)| *direction * *light).sum::<DVec3>().try_normalize()
 }
@@ -90,8 +90,8 @@ mod tests {
         }
     }
 
-    /// Root mean square of the centroid error over sub-pixel positions. The design's table of kernels gives 0.41 px for
-    /// one pixel (exactly sqrt(1/6)), 0 for the tent and the B-spline, 0.004 for a Gaussian of 0.7 px over 5 x 5.
+    /// Root mean square of the centroid error over sub-pixel positions. The design's table of kernels gives 0.41 px for one pixel (exactly
+    /// sqrt(1/6)), 0 for the tent and the B-spline, and 0.004 for a Gaussian of 0.7 px over 5 x 5 pixels.
     #[test]
     fn kernels_have_their_centroid_errors() {
         let mapping = Perspective::symmetric([16, 16], 0.01).unwrap();

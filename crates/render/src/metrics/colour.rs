@@ -4,7 +4,7 @@
 use super::{HdrView, MetricError};
 use crate::photometry::rec709::{luminance, uv_prime};
 
-/// Distance of two colours (linear Rec. 709, any scale) in u', v'; `None` if one of them is black and has no colour.
+/// Returns the distance of two colours (linear Rec. 709, any scale) in u', v'. Returns `None` if one of them is black, because black has no colour.
 pub fn uv_distance(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     if !(luminance(a) > 0.0 && luminance(b) > 0.0) {
         return None;
@@ -14,7 +14,7 @@ pub fn uv_distance(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     distance.is_finite().then_some(distance)
 }
 
-/// Result of comparing the colours of an image with the expected ones.
+/// Differences between the colours of an image and the expected ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourDifference {
     /// Mean distance in u', v', weighted by the expected luminance.
@@ -78,7 +78,7 @@ mod tests {
     fn white_and_red_are_as_far_apart_as_their_chromaticities() {
         let found = uv_distance([3.0; 3], [1e-6, 0.0, 0.0]).unwrap();
         assert!((found - WHITE_TO_RED).abs() < 1e-5, "{found}");
-        // Rounding of the scale only.
+        // Only the scale differs: the distance is a rounding error.
         assert!(uv_distance([0.1, 0.2, 0.3], [10.0, 20.0, 30.0]).unwrap() < 1e-15);
         assert_eq!(uv_distance([0.0; 3], [1.0; 3]), None);
         assert_eq!(uv_distance([1.0; 3], [f64::NAN; 3]), None);

@@ -4,8 +4,8 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MetricError {
-    /// The pixels do not fill the mapping's picture.
-    #[error("{pixels} pixels for a picture of {width} x {height}")]
+    /// The number of pixels differs from that of the mapping's picture.
+    #[error("{pixels} pixels do not fill a picture of {width} x {height}")]
     PixelCount {
         /// Number of pixels passed in.
         pixels: usize,

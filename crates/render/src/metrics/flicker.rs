@@ -1,10 +1,9 @@
 //! Flicker: how much a star's light appears to change while its image moves over the pixels.
 //!
-//! A pixel of luminance L on a display with white luminance L_w shows about x / (1 + x) with x = L / L_w. Flicker is
-//! the standard deviation divided by the mean, over many sub-pixel positions, of the sum of this value over the pixels;
-//! before tone mapping, the same is computed for the sum of x. It can be measured for a kernel alone, with x = k *
-//! weight, where k is the luminance of the star over display white if all its light were in a single pixel; or for a
-//! pan, frame by frame. Pixels of a frame are weighted by their solid angle.
+//! A pixel of luminance L on a display with white luminance L_w shows about x / (1 + x) with x = L / L_w. This value is summed over the pixels, for
+//! many sub-pixel positions. Flicker is the standard deviation of these sums divided by their mean. Before tone mapping, the same is computed for the
+//! sums of x. Flicker can be measured for a kernel alone, with x = k * weight, where k is the luminance of the star relative to display white if all
+//! its light were in a single pixel; or for a pan, frame by frame. Pixels of a frame are weighted by their solid angle.
 
 use glam::DVec2;
 
@@ -14,12 +13,12 @@ use super::{
 };
 use crate::view::projection::Footprint;
 
-/// Standard deviation over mean of a star's sum, over all measured positions. Dimensionless.
+/// Standard deviation of a star's sums at all measured positions, divided by their mean. Dimensionless.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flicker {
-    /// For the sum of the light itself.
+    /// Flicker of the sum of the light itself.
     pub before: f64,
-    /// For the sum of the displayed values.
+    /// Flicker of the sum of the displayed values.
     pub after: f64,
 }
 
@@ -32,7 +31,7 @@ pub struct FlickerMeter {
 }
 
 impl FlickerMeter {
-    /// A meter for a display whose white has the luminance `white_cd_m2` of the scene.
+    /// Creates a meter for a display whose white corresponds to the luminance `white_cd_m2` in the scene.
     ///
     /// # Errors
     /// [`MetricError::NotPositive`] if that is not a positive number.
@@ -59,10 +58,9 @@ impl FlickerMeter {
         Ok(())
     }
 
-    /// Adds one of several stars in the same image: the pixels within `radius_px` of `pixel`, each weighted by its solid
-    /// angle relative to that of the star's central pixel. One image can thus hold many positions of a pan, even if the
-    /// solid angle varies over it: the light of each star divided by the solid angle of its central pixel must then be
-    /// the same.
+    /// Adds one of several stars in the same image: the pixels within `radius_px` of `pixel`, each weighted by its solid angle relative to that of
+    /// the star's central pixel. So one image can contain many positions of a pan, even if the solid angle varies over the image. The light of a star
+    /// divided by the solid angle of its central pixel must then be the same for all stars.
     ///
     /// # Errors
     /// [`MetricError::OutsidePicture`] if the star's pixel, or one that is lit, is outside of the picture.
@@ -83,7 +81,7 @@ impl FlickerMeter {
         Ok(())
     }
 
-    /// Adds a position: pixels as (luminance over white, weight in the sum).
+    /// Adds a position. Each pixel consists of its luminance relative to display white, and its weight in the sum.
     fn add_pixels(&mut self, pixels: impl Iterator<Item = (f64, f64)>) {
         let (linear, displayed) = pixels.fold((0.0, 0.0), |(linear, displayed), (x, share)| {
             (linear + x * share, displayed + x / (1.0 + x) * share)
@@ -92,7 +90,7 @@ impl FlickerMeter {
         self.displayed.push(displayed);
     }
 
-    /// Flicker over the frames added so far.
+    /// Returns the flicker of the frames added so far.
     ///
     /// # Errors
     /// [`MetricError::TooFew`] before the second frame, [`MetricError::NoLight`] if all frames were black.
@@ -101,8 +99,8 @@ impl FlickerMeter {
     }
 }
 
-/// Flicker of a kernel alone: `peak` is the star's luminance over display white if all its light were in a single pixel
-/// (k), `positions` the number of sub-pixel positions, spread evenly.
+/// Returns the flicker of a kernel alone. `peak` (k) is the star's luminance relative to display white if all its light were in a single pixel.
+/// `positions` is the number of sub-pixel positions, which are spread evenly.
 ///
 /// # Errors
 /// [`MetricError::NotPositive`] if the peak is not a positive number, [`MetricError::TooFew`] below two positions,
@@ -116,9 +114,8 @@ pub fn kernel_flicker(kernel: Footprint<'_>, peak: f64, positions: usize) -> Res
     meter.flicker()
 }
 
-/// Points spread evenly over a pixel, in [0, 1) along each axis, deterministic: the additive sequence of the plastic
-/// number
-/// (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+/// Returns points that are spread evenly over a pixel, in [0, 1) along each axis. They are always the same: the additive sequence of the plastic
+/// number (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
 pub fn sub_pixel_positions(count: usize) -> impl Iterator<Item = DVec2> {
     // The real root of x^3 = x + 1.
     const PLASTIC: f64 = 1.324_717_957_244_746;
@@ -178,8 +175,8 @@ mod tests {
         assert!(found.before < 1e-12, "{found:?}");
     }
 
-    /// Table of splat kernels in the design: 0.084 to 0.163 for the tent; 0.011 to 0.038 up to k = 10 and 0.128 at 100 for
-    /// the B-spline; 0.000 to 0.002 for a Gaussian of 0.7 px, over 7 x 7 below 0.002 up to k = 1000.
+    /// The design's table of splat kernels gives 0.084 to 0.163 for the tent. For the B-spline it gives 0.011 to 0.038 up to k = 10, and 0.128 at
+    /// 100. For a Gaussian of 0.7 px it gives 0.000 to 0.002, and over 7 x 7 pixels less than 0.002 up to k = 1000.
     #[test]
     fn kernels_have_the_flicker_of_the_design_table() {
         for k in [1.0, 10.0, 100.0] {
@@ -202,7 +199,7 @@ mod tests {
             assert!(flicker_of(SplatKernel::Tent, peak).after <= budget);
             assert!(flicker_of(SplatKernel::Tent, 2.0 * peak).after > budget);
         }
-        // The bounds that a frame's certificate states for the two kernels.
+        // The bounds for the two kernels, as the certificate of a frame states them.
         assert!(flicker_of(SplatKernel::Tent, 1.0).after <= TENT_FLICKER_AT_WHITE);
         for pair in BSPLINE_FLICKER.windows(2) {
             let [(from, _), (to, most)] = [pair[0], pair[1]];
@@ -220,8 +217,8 @@ mod tests {
         }
     }
 
-    /// The kernel that `auto` uses for bright stars: flicker stays within the budget, and the displayed light has no
-    /// jump where the Gaussian starts to replace the B-spline.
+    /// Tests the kernel that `auto` uses for bright stars: its flicker stays within the budget, and the displayed light has no jump where the
+    /// Gaussian starts to replace the B-spline.
     #[test]
     fn the_bright_star_gaussian_keeps_the_flicker_budget_and_joins_the_bspline() {
         for budget in [0.01, 0.02, 0.05] {
@@ -245,8 +242,8 @@ mod tests {
         assert!(jump.abs() < 1e-9 && wrong > 0.3, "{jump} {wrong}");
     }
 
-    /// A pan in which every second frame is a tenth brighter: deviation over mean of {1, 1.1} is 0.05 / 1.05; of the
-    /// displayed values at peak 1, that of {1/2, 1.1/2.1}.
+    /// A pan in which every second frame is a tenth brighter. The deviation of {1, 1.1} divided by their mean is 0.05 / 1.05. For the displayed
+    /// values at peak 1 it is that of {1/2, 1.1/2.1}.
     #[test]
     fn a_pan_that_pulses_by_a_tenth_is_found() {
         let mapping = Perspective::symmetric([32, 32], 0.01).unwrap();
@@ -282,8 +279,7 @@ mod tests {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
     }
 
-    /// Many stars in one wide image, each in its own window: the flicker is that of the kernel, and zero before tone
-    /// mapping.
+    /// Many stars in one wide image, each in its own window. The flicker is that of the kernel, and zero before tone mapping.
     #[test]
     fn a_pan_in_one_image_has_the_flicker_of_its_kernel() {
         let mapping = Perspective::symmetric([512, 512], 1.0).unwrap();

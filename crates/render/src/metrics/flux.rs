@@ -1,6 +1,5 @@
-//! Flux: the light that reaches the eye from an image, compared with the light that was sent. For every star, view and
-//! method the sum over pixels of luminance times solid angle must equal the star's illuminance. This is the first
-//! criterion for every method.
+//! Flux: the light that reaches the eye from an image, compared with the light that the stars send. For every star, view and method the sum over
+//! pixels of luminance times solid angle must equal the star's illuminance. This is the first criterion for every method.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -11,7 +10,7 @@ use super::{
     image::lit_near_direction,
 };
 
-/// Illuminance of a whole image: the sum of luminance times solid angle, lx. Black gives 0.
+/// Returns the illuminance of a whole image: the sum of luminance times solid angle, lx. Black gives 0.
 ///
 /// # Errors
 /// [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
@@ -25,15 +24,15 @@ pub fn illuminance_lx(image: &HdrView<'_>) -> Result<f64, MetricError> {
     Ok(rows.iter().sum())
 }
 
-/// Illuminance of all images of one view (the faces of a cubemap), lx.
+/// Returns the illuminance of all images of one view (the faces of a cubemap), lx.
 ///
 /// # Errors
-/// As [`illuminance_lx`].
+/// Same as [`illuminance_lx`].
 pub fn total_illuminance_lx(images: &[HdrView<'_>]) -> Result<f64, MetricError> {
     images.iter().map(illuminance_lx).sum()
 }
 
-/// Illuminance of all images of one view over `expected_lx`, minus 1: -0.01 if one per cent is lost.
+/// Returns the illuminance of all images of one view divided by `expected_lx`, minus 1: -0.01 if one per cent is lost.
 ///
 /// # Errors
 /// [`MetricError::NotPositive`] if the expected value is not positive, else as [`illuminance_lx`].
@@ -41,18 +40,18 @@ pub fn relative_flux_error(images: &[HdrView<'_>], expected_lx: f64) -> Result<f
     Ok(total_illuminance_lx(images)? / positive("expected illuminance", expected_lx)? - 1.0)
 }
 
-/// Illuminance from the pixels whose centres lie within `radius_px` of `centre`, lx.
+/// Returns the illuminance from the pixels whose centres lie within `radius_px` of `centre`, lx.
 ///
 /// # Errors
-/// As [`illuminance_lx`].
+/// Same as [`illuminance_lx`].
 pub fn illuminance_near_pixel_lx(image: &HdrView<'_>, centre: DVec2, radius_px: f64) -> Result<f64, MetricError> {
     Ok(image.lit_near_pixel(centre, radius_px)?.iter().map(|(_, light)| light).sum())
 }
 
-/// Illuminance from the pixels of several images whose centres lie within `radius_rad` of `direction`, lx.
+/// Returns the illuminance from the pixels of several images whose centres lie within `radius_rad` of `direction`, lx.
 ///
 /// # Errors
-/// As [`illuminance_lx`].
+/// Same as [`illuminance_lx`].
 pub fn illuminance_near_direction_lx(
     images: &[HdrView<'_>],
     direction: DVec3,
@@ -61,8 +60,8 @@ pub fn illuminance_near_direction_lx(
     Ok(lit_near_direction(images, direction, radius_rad)?.iter().map(|(_, light)| light).sum())
 }
 
-/// The single factor that brings the illuminances of a method with relative brightness closest to the expected ones: it
-/// minimises the sum of squared relative errors. With q the ratio measured / expected, it is sum(q) / sum(q^2).
+/// Returns the single factor that brings the illuminances of a method with relative brightness closest to the expected ones: it minimises the sum of
+/// squared relative errors. With q the ratio measured / expected, it is sum(q) / sum(q^2).
 ///
 /// # Errors
 /// [`MetricError::TooFew`] without pairs, [`MetricError::NotPositive`] if an expectation is not positive or a measurement is

@@ -1,8 +1,8 @@
 //! Glare: how the luminance falls off around a source, whether it is the same in all directions, and how much light it
 //! contains.
 //!
-//! Angles are angles between directions, never distances on the screen: "round" means round in view space. The source
-//! itself is not glare; the caller chooses angles beyond its image.
+//! Angles are angles between directions, never distances on the screen: "round" means round in view space. The source itself is not glare; the caller
+//! must choose angles outside its image.
 
 use std::f64::consts::TAU;
 
@@ -33,15 +33,14 @@ pub struct Annulus {
 }
 
 impl Annulus {
-    /// Luminance over the expected one, minus 1.
+    /// Returns the luminance divided by the expected one, minus 1.
     pub fn relative_error(&self) -> f64 {
         self.luminance_cd_m2 / self.expected_cd_m2 - 1.0
     }
 }
 
-/// Mean luminance in rings around `direction`, one between each two successive values of the increasing `edges_rad`,
-/// over all images of one view. Rings without a pixel are left out. `expected` is the expected luminance at an angle
-/// from `direction`, cd/m^2.
+/// Returns the mean luminance in rings around `direction`, over all images of one view. There is one ring between each two successive values of
+/// `edges_rad`, which must increase. Rings without a pixel are left out. `expected` is the expected luminance at an angle from `direction`, cd/m^2.
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below two edges, [`MetricError::NotPositive`] for an expected luminance that is not a positive number,
@@ -93,8 +92,8 @@ pub fn radial_profile(
     Ok(rings.into_iter().map(mean).collect())
 }
 
-/// Slope of the logarithm of luminance over the logarithm of angle, by least squares over the rings whose mean angles
-/// lie within `between_rad`: -2 for an inverse square law.
+/// Returns the slope of log luminance as a function of log angle: -2 for an inverse square law. It is a least-squares fit to the rings whose mean
+/// angles lie within `between_rad`.
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below three rings, [`MetricError::NotPositive`] if one of them is black.
@@ -119,7 +118,7 @@ pub fn log_log_slope(profile: &[Annulus], between_rad: [f64; 2]) -> Result<f64, 
     Ok(products / squares)
 }
 
-/// How even the luminance is on a circle around a source.
+/// Evenness of the luminance on a circle around a source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Roundness {
     /// Largest |L / mean - 1| on the circle: 0 if glare is round in view space.
@@ -130,7 +129,7 @@ pub struct Roundness {
     pub share_inside: f64,
 }
 
-/// Points of a circle.
+/// Number of points on a circle.
 const POINTS: u32 = 720;
 /// Minimum number of points for a meaningful result: a tenth of the circle.
 const FEWEST_POINTS: usize = 72;
@@ -169,7 +168,7 @@ pub fn roundness(images: &[HdrView<'_>], direction: DVec3, angle_rad: f64) -> Re
     })
 }
 
-/// Bilinearly interpolated luminance, cd/m^2; `None` if not all four pixels lie inside the picture.
+/// Returns the bilinearly interpolated luminance, cd/m^2; `None` if not all four pixels lie inside the picture.
 fn interpolated_cd_m2(image: &HdrView<'_>, direction: DVec3) -> Option<f64> {
     let position = image.pixel(direction)? - DVec2::splat(0.5);
     let (first, part) = (position.floor(), position - position.floor());
@@ -198,7 +197,7 @@ pub struct RelativeErrors {
     pub largest: f64,
 }
 
-/// Errors of pairs of a measured and an expected value, relative to the expected one.
+/// Returns the errors of pairs of a measured and an expected value, relative to the expected value.
 ///
 /// # Errors
 /// [`MetricError::TooFew`] without pairs, [`MetricError::NotPositive`] if an expected value is not a positive number, or a
@@ -216,9 +215,8 @@ pub fn relative_errors(measured_and_expected: &[(f64, f64)]) -> Result<RelativeE
     Ok(RelativeErrors { rms: (squares / measured_and_expected.len() as f64).sqrt(), largest })
 }
 
-/// Light of all images of one view from beyond `radius_rad` of a source: the sum of Y times solid angle, lx. Over the
-/// whole sphere it equals the source's illuminance times the scattered fraction times the share of the kernel beyond
-/// that angle.
+/// Returns the light that all images of one view show farther than `radius_rad` from a source: the sum of Y times solid angle, lx. Over the whole
+/// sphere it equals the source's illuminance times the scattered fraction times the share of the kernel beyond that angle.
 ///
 /// # Errors
 /// [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
@@ -242,7 +240,7 @@ mod tests {
         pixels.map(|at| [mapping.direction_from_pixel(at).map_or(0.0, |d| luminance(d, at)); 3]).collect()
     }
 
-    /// A picture with luminance angle^power around a direction.
+    /// Returns a picture whose luminance is angle^power around a direction.
     fn power_law(mapping: &dyn PlaneMapping, direction: DVec3, power: i32) -> Vec<[f64; 3]> {
         picture(mapping, |at, _| separation_rad(at, direction).max(1e-3).powi(power))
     }

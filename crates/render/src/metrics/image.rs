@@ -61,7 +61,7 @@ impl<'a> From<&'a Vec<[f64; 3]>> for Pixels<'a> {
     }
 }
 
-/// One image to be measured. All pixels are finite and none has a negative luminance.
+/// One image to be measured. All pixels are finite, and no luminance is negative.
 #[derive(Clone, Copy)]
 pub struct HdrView<'a> {
     mapping: &'a dyn PlaneMapping,
@@ -92,35 +92,35 @@ impl<'a> HdrView<'a> {
         Ok(Self { mapping, pixels, camera_from_view: DQuat::IDENTITY })
     }
 
-    /// The same image, rotated: `camera_from_view` rotates the directions of its mapping into the axes in which several
-    /// images of one view (the faces of a cubemap) are measured together.
+    /// Returns the same image, rotated: `camera_from_view` rotates the directions of its mapping into the axes in which several images of one view
+    /// (the faces of a cubemap) are measured together.
     pub fn turned(self, camera_from_view: DQuat) -> Self {
         Self { camera_from_view, ..self }
     }
 
-    /// Width and height, pixels.
+    /// Returns the width and height, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.mapping.size()
     }
 
-    /// The mapping between directions and pixels of this image.
+    /// Returns the mapping between directions and pixels of this image.
     pub fn mapping(&self) -> &'a dyn PlaneMapping {
         self.mapping
     }
 
-    /// Colour of a pixel of the image, cd/m^2. Panics outside of the image, as slices do.
+    /// Returns the colour of a pixel of the image, cd/m^2. Panics outside of the image, as slices do.
     pub fn rgb_cd_m2(&self, x: u32, y: u32) -> [f64; 3] {
         let [width, height] = self.size();
         assert!(x < width && y < height, "pixel ({x}, {y}) of an image of {width} x {height}");
         self.pixels.rgb(y as usize * width as usize + x as usize)
     }
 
-    /// Luminance of a pixel of the image, cd/m^2. Panics outside of the image, as slices do.
+    /// Returns the luminance of a pixel of the image, cd/m^2. Panics outside of the image, as slices do.
     pub fn luminance_cd_m2(&self, x: u32, y: u32) -> f64 {
         luminance(self.rgb_cd_m2(x, y))
     }
 
-    /// Illuminance that reaches the eye from a pixel: its luminance times its solid angle in f64, lx.
+    /// Returns the illuminance that reaches the eye from a pixel: its luminance times its solid angle in f64, lx.
     ///
     /// # Errors
     /// [`MetricError::OutsidePicture`] if the pixel is lit and has no solid angle.
@@ -133,17 +133,17 @@ impl<'a> HdrView<'a> {
         if omega > 0.0 { Ok(luminance * omega) } else { Err(MetricError::OutsidePicture { x, y }) }
     }
 
-    /// Direction of a pixel's centre after [`HdrView::turned`]; `None` outside of the picture.
+    /// Returns the direction of a pixel's centre after [`HdrView::turned`]; `None` outside of the picture.
     pub(super) fn direction(&self, x: u32, y: u32) -> Option<DVec3> {
         Some(self.camera_from_view * self.mapping.direction_from_pixel(pixel_centre(x, y))?)
     }
 
-    /// Continuous pixel coordinates of a direction after [`HdrView::turned`]; `None` if it has no image.
+    /// Returns the continuous pixel coordinates of a direction after [`HdrView::turned`]; `None` if it has no image.
     pub(super) fn pixel(&self, direction: DVec3) -> Option<DVec2> {
         self.mapping.pixel_from_direction(self.camera_from_view.conjugate() * direction)
     }
 
-    /// The lit pixels whose centres lie within `radius_px` of `centre`: centre of the pixel, light in lx.
+    /// Returns the lit pixels whose centres lie within `radius_px` of `centre`, each as its centre and its light in lx.
     pub(super) fn lit_near_pixel(&self, centre: DVec2, radius_px: f64) -> Result<Vec<(DVec2, f64)>, MetricError> {
         // Pixels whose centres lie between the edges of the window, clipped to the image.
         let range = |centre: f64, side: u32| {
@@ -164,7 +164,7 @@ impl<'a> HdrView<'a> {
         Ok(lit)
     }
 
-    /// The lit pixels whose centres lie within `radius_rad` of `direction`: direction of the pixel, light in lx.
+    /// Returns the lit pixels whose centres lie within `radius_rad` of `direction`, each as its direction and its light in lx.
     pub(super) fn lit_near_direction(
         &self,
         direction: DVec3,
@@ -187,12 +187,12 @@ impl<'a> HdrView<'a> {
     }
 }
 
-/// Angle between two vectors, rad, accurate also near 0 and pi.
+/// Returns the angle between two vectors, rad. It is accurate even near 0 and pi.
 pub(super) fn separation_rad(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-/// The lit pixels of several images within `radius_rad` of `direction`: direction of the pixel, light in lx.
+/// Returns the lit pixels of several images within `radius_rad` of `direction`, each as its direction and its light in lx.
 pub(super) fn lit_near_direction(
     images: &[HdrView<'_>],
     direction: DVec3,

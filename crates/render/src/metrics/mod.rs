@@ -7,10 +7,10 @@
 //!
 //! | file | metric | value for a perfect method |
 //! |---|---|---|
-//! | `flux` | sum of luminance times solid angle against the light sent | 0 |
-//! | `centroid` | centre of a star's light against its direction, in pixels or as an angle | 0 |
+//! | `flux` | sum of luminance times solid angle, compared with the light of the stars | 0 |
+//! | `centroid` | centre of a star's light compared with its direction, in pixels or as an angle | 0 |
 //! | `shape` | width and ellipticity of a star, in pixels or in view space | 0 (ellipticity) |
-//! | `flicker` | standard deviation over mean of a star's sum while it pans, before and after tone mapping | 0 |
+//! | `flicker` | standard deviation divided by mean of a star's sum while it pans, before and after tone mapping | 0 |
 //! | `colour` | distance in CIE 1976 u'v' | 0 |
 //! | `range` | light of a faint source next to a bright one | 0 |
 //! | `order` | whether images of shuffled input agree bit for bit | identical |
@@ -19,8 +19,8 @@
 //! | `normals` | angle between the normals of two pictures, each reconstructed with three suns | 0 |
 //! | `seam` | how a star's light varies while it crosses an edge | 0 |
 //!
-//! A metric without a meaning (the ellipticity of a point, the colour of black) is an error or `None`, never 0: a black
-//! or broken image cannot pass as a good one.
+//! If a metric has no meaning (the ellipticity of a point, the colour of black), the result is an error or `None`, never 0. So a black or broken
+//! image cannot pass as a good one.
 
 mod centroid;
 mod colour;

@@ -15,7 +15,7 @@ pub(super) struct Moments {
     pub minor: f64,
 }
 
-/// Moments of `points` (position, weight); `None` if the total weight is not positive.
+/// Returns the moments of `points` (position, weight); `None` if the total weight is not positive.
 pub(super) fn moments(points: &[(DVec2, f64)]) -> Option<Moments> {
     let sum: f64 = points.iter().map(|(_, weight)| weight).sum();
     // Offsets from the first point avoid cancellation for a star far from the origin, and give a single point a width
@@ -38,7 +38,7 @@ pub(super) fn moments(points: &[(DVec2, f64)]) -> Option<Moments> {
         sum,
         mean: origin + mean,
         major: (middle + half_difference).sqrt(),
-        // Rounding may give a line of points a negative variance across.
+        // Rounding may make the variance across a line of points negative.
         minor: (middle - half_difference).max(0.0).sqrt(),
     })
 }
@@ -57,7 +57,7 @@ mod tests {
         let line = moments(&[(DVec2::ZERO, 1.0), (DVec2::ONE, 3.0)]).unwrap();
         assert!((line.mean - DVec2::splat(0.75)).length() < 1e-15);
         assert!((line.major - (2.0 * 3.0 / 16.0_f64).sqrt()).abs() < 1e-15 && line.minor < 1e-8);
-        // An ellipse turned by 30 degrees: deviations 2 and 1.
+        // An ellipse rotated by 30 degrees, with the standard deviations 2 and 1.
         let turned = |angle: f64| {
             let (sin, cos) = angle.sin_cos();
             (DVec2::new(2.0 * cos, sin).rotate(DVec2::from_angle(0.5)), 1.0)

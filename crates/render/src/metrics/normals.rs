@@ -14,7 +14,7 @@ pub struct ThreeSuns {
 }
 
 impl ThreeSuns {
-    /// Unit vectors to the suns.
+    /// Creates the three suns from the unit vectors to them.
     ///
     /// # Errors
     /// [`MetricError::NotPositive`] if they lie in one plane: they determine no normal.
@@ -24,16 +24,14 @@ impl ThreeSuns {
         Ok(Self { normal_from_luminances: matrix.inverse() })
     }
 
-    /// The unit normal of a pixel from its luminances under the three suns; `None` if one of them does not exceed
-    /// `least`.
+    /// Returns the unit normal of a pixel from its luminances under the three suns; `None` if one of them does not exceed `least`.
     pub fn normal(&self, luminances: [f64; 3], least: f64) -> Option<DVec3> {
         let lit = luminances.iter().all(|luminance| luminance.is_finite() && *luminance > least);
         lit.then(|| (self.normal_from_luminances * DVec3::from_array(luminances)).try_normalize()).flatten()
     }
 }
 
-/// Weighted mean angle between two normals per pixel over the pixels that have both, rad; `None` if there is no such
-/// pixel.
+/// Returns the weighted mean angle between the two normals of a pixel, over the pixels that have both, rad; `None` if there is no such pixel.
 ///
 /// # Errors
 /// [`MetricError::NotPositive`] for a weight that is negative or not finite.

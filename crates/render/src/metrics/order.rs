@@ -1,5 +1,4 @@
-//! Order dependence: whether the same stars in another order give the same image bit for bit, and if not, how far off
-//! it is.
+//! Order dependence: whether the same stars in another order give the same image bit for bit, and if not, how much the images differ.
 
 use super::{HdrView, MetricError};
 
@@ -10,10 +9,9 @@ pub struct Difference {
     pub identical: bool,
     /// Number of pixels with different bits.
     pub pixels: u64,
-    /// Largest difference of a channel over the larger of its two absolute values, 0 to 2: 1 if one image is black
-    /// there.
+    /// Largest difference of a channel divided by the larger of its two absolute values, 0 to 2. It is 1 if one image is black there.
     pub largest_relative: f64,
-    /// Largest difference of a channel over the largest absolute channel of the two images: its visible size.
+    /// Largest difference of a channel divided by the largest absolute channel of the two images: the visible size of the difference.
     pub largest_of_brightest: f64,
 }
 
@@ -30,7 +28,7 @@ impl Difference {
     }
 }
 
-/// Compares two images of the same size, R, G and B of every pixel.
+/// Compares R, G and B of every pixel in two images of the same size.
 ///
 /// # Errors
 /// [`MetricError::Sizes`] if the sizes differ.
@@ -44,7 +42,7 @@ pub fn difference(a: &HdrView<'_>, b: &HdrView<'_>) -> Result<Difference, Metric
     for y in 0..height {
         for x in 0..width {
             let (rgb_a, rgb_b) = (a.rgb_cd_m2(x, y), b.rgb_cd_m2(x, y));
-            // f32 converts to f64 without loss, so comparing these bits compares the original ones.
+            // f32 converts to f64 without loss, so a comparison of these bits is one of the original bits.
             let same = rgb_a.map(f64::to_bits) == rgb_b.map(f64::to_bits);
             found.pixels += u64::from(!same);
             for (a, b) in rgb_a.into_iter().zip(rgb_b) {
@@ -64,7 +62,7 @@ pub fn difference(a: &HdrView<'_>, b: &HdrView<'_>) -> Result<Difference, Metric
     Ok(found)
 }
 
-/// Compares all images of shuffled input with the first of them; returns the largest value of each figure of [`Difference`].
+/// Compares all images of shuffled input with the first of them; returns the largest value of each field of [`Difference`].
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below two images, [`MetricError::Sizes`] if a size differs.
@@ -98,7 +96,7 @@ mod tests {
         assert!((found.largest_of_brightest / (step / 6.0) - 1.0).abs() < 1e-6, "{found:?}");
     }
 
-    /// The reason for this metric: a sum in f32 depends on its order.
+    /// This is the reason for the metric: a sum in f32 depends on its order.
     #[test]
     fn floating_sums_in_another_order_are_found() {
         let mapping = Perspective::symmetric([1, 1], 1.0).unwrap();

@@ -25,7 +25,7 @@ pub struct FaintBesideBright {
     pub bright_error: f64,
     /// Relative error of the faint source.
     pub faint_error: f64,
-    /// Expected illuminance of the bright one over that of the faint one.
+    /// Expected illuminance of the bright source divided by that of the faint one.
     pub ratio: f64,
 }
 
@@ -69,7 +69,7 @@ mod tests {
 
     const RADIUS_PX: f64 = 2.5;
 
-    /// Sirius (-1.46) and a star of magnitude 21, six pixels apart.
+    /// Returns Sirius (-1.46) and a star of magnitude 21, six pixels apart.
     fn pair() -> [PointSource; 2] {
         [(10.3, -1.46), (16.4, 21.0)].map(|(x, magnitude)| PointSource {
             pixel: DVec2::new(x, 12.8),

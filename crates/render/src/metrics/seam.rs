@@ -6,7 +6,7 @@ use super::{
     flux::total_illuminance_lx,
 };
 
-/// Largest over smallest value, minus 1: 0 for a constant. Infinite if the smallest is 0 and the largest is not.
+/// Returns the largest value divided by the smallest, minus 1: 0 for a constant. Infinite if the smallest is 0 and the largest is not.
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below two values, [`MetricError::NotPositive`] for one that is negative or not finite,
@@ -23,10 +23,10 @@ pub fn relative_variation(values: &[f64]) -> Result<f64, MetricError> {
     if most > 0.0 { Ok(most / least - 1.0) } else { Err(MetricError::NoLight("a sweep")) }
 }
 
-/// Variation of the total light over a sweep; each step is the set of all images of one view.
+/// Returns the variation of the total light over a sweep. Each step of the sweep is the set of all images of one view.
 ///
 /// # Errors
-/// As [`relative_variation`], and [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
+/// Same as [`relative_variation`], and [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
 pub fn seam_error<'a>(steps: impl IntoIterator<Item = &'a [HdrView<'a>]>) -> Result<f64, MetricError> {
     let light_lx = steps.into_iter().map(total_illuminance_lx).collect::<Result<Vec<_>, _>>()?;
     relative_variation(&light_lx)
@@ -43,8 +43,7 @@ mod tests {
         view::projection::{CubeFace, Face, PlaneMapping},
     };
 
-    /// Images of a star on the given faces, for steps from the front face over the middle of its edge to the right
-    /// face.
+    /// Draws images of a star on the given faces, for the steps of a sweep from the front face, over the middle of its edge, to the right face.
     fn sweep(mappings: &[&dyn PlaneMapping], faces: &[Face]) -> Vec<Vec<Vec<[f64; 3]>>> {
         let step = |i: i32| {
             let direction = DVec3::new(1.0, 0.1, -1.0 + 0.01 * f64::from(i));
@@ -72,8 +71,8 @@ mod tests {
         let mappings: [&dyn PlaneMapping; 2] = [&front, &right];
         let images = sweep(&mappings, &faces);
         assert!(variation(&mappings, &images).unwrap() < 1e-9);
-        // Without its neighbour the front face shows the whole star, then half of it, then nothing: losing half doubles
-        // the ratio over the sweep, losing all makes it infinite.
+        // Without its neighbour, the front face shows the whole star, then half of it, then nothing. If half is lost, the largest value is twice the
+        // smallest; if all is lost, the variation is infinite.
         assert_eq!(variation(&mappings[..1], &images), Ok(f64::INFINITY));
         let to_the_edge = variation(&mappings[..1], &images[..=20]).unwrap();
         assert!((to_the_edge - 1.0).abs() < 1e-9, "{to_the_edge}");

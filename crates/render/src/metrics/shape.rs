@@ -1,4 +1,4 @@
-//! Shape: the width of a star's image and its deviation from round, from the second moments of its light.
+//! Shape: the width of a star's image and its deviation from a circle, both from the second moments of its light.
 //!
 //! In view space the offsets are angles on the sphere: direction and angular distance from the centroid, in the tangent
 //! plane there (azimuthal equidistant). A star must be round *there*; on the image plane of a wide view a round star is
@@ -26,30 +26,29 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Root mean square distance of the light from its centroid.
+    /// Returns the root mean square distance of the light from its centroid.
     pub fn rms_radius(&self) -> f64 {
         self.major.hypot(self.minor)
     }
 
-    /// 1 - minor / major: 0 for a round star, 1 for a line; `None` for a point.
+    /// 1 - minor / major: 0 for a round star, 1 for a line. `None` for a point.
     pub fn ellipticity(&self) -> Option<f64> {
         (self.major > 0.0).then(|| 1.0 - self.minor / self.major)
     }
 }
 
-/// Shape of the light within `radius_px` of `expected` on the image plane, pixels.
+/// Returns the shape of the light within `radius_px` of `expected` on the image plane, pixels.
 ///
 /// # Errors
-/// [`MetricError::NoLight`] if nothing shines there, [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
+/// [`MetricError::NoLight`] if there is no light, [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
 pub fn shape_px(image: &HdrView<'_>, expected: DVec2, radius_px: f64) -> Result<Shape, MetricError> {
     shape(&image.lit_near_pixel(expected, radius_px)?)
 }
 
-/// Shape of the light within `radius_rad` of `expected` in view space, rad, over images that together show every direction at
-/// most once.
+/// Returns the shape of the light within `radius_rad` of `expected` in view space, rad, over images that together show every direction at most once.
 ///
 /// # Errors
-/// As [`shape_px`].
+/// Same as [`shape_px`].
 pub fn shape_rad(images: &[HdrView<'_>], expected: DVec3, radius_rad: f64) -> Result<Shape, MetricError> {
     let lit = lit_near_direction(images, expected, radius_rad)?;
     let centre = mean_direction(&lit).ok_or(MetricError::NoLight("a shape"))?;
@@ -103,8 +102,8 @@ mod tests {
         }
     }
 
-    /// A kernel that is round on a flat image plane is an ellipse in the sky: at the angle a from the axis, a
-    /// tangential step is cos a and a radial step cos^2 a of a step at the centre. Ellipticity 1 - cos a.
+    /// A kernel that is round on a flat image plane is an ellipse in the sky: at the angle a from the axis, a tangential step is cos a times a step
+    /// at the centre, and a radial step is cos^2 a times. The ellipticity is therefore 1 - cos a.
     #[test]
     fn a_round_kernel_off_axis_is_an_ellipse_in_the_sky() {
         let mapping = Perspective::symmetric([2048, 2048], 1.9).unwrap();
@@ -139,10 +138,9 @@ mod tests {
         assert!((found.rms_radius() / (PI / 128.0) - 1.0).abs() < 1e-9, "{found:?}");
     }
 
-    /// Means over sub-pixel positions. The variance of the tent along an axis is f (1 - f), with f the position between
-    /// two pixels; over f and g of both axes the mean of 1 - sqrt(smaller / larger) is 0.266 (Monte Carlo). The
-    /// variance of the B-spline is constant; the design's table of kernels gives 0.003 for a Gaussian of 0.7 px over 5
-    /// x 5 pixels.
+    /// These are means over sub-pixel positions. The variance of the tent along an axis is f (1 - f), with f the position between two pixels. Let g
+    /// be the position along the other axis; then the mean of 1 - sqrt(smaller variance / larger variance) over f and g is 0.266 (Monte Carlo). The
+    /// variance of the B-spline is constant; the design's table of kernels gives 0.003 for a Gaussian of 0.7 px over 5 x 5 pixels.
     #[test]
     fn kernels_have_their_ellipticities() {
         let mapping = Perspective::symmetric([16, 16], 0.01).unwrap();

@@ -7,7 +7,7 @@
 
 use super::error::{MetricError, not_negative};
 
-/// Common coverage of two pictures.
+/// Areas that two pictures cover alone and together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overlap {
     /// Area that both cover, px^2.
@@ -19,13 +19,13 @@ pub struct Overlap {
 }
 
 impl Overlap {
-    /// Intersection over union: 1 for equal silhouettes, 0 for disjoint ones.
+    /// Returns the intersection over union: 1 for equal silhouettes, 0 for disjoint ones.
     pub fn iou(&self) -> f64 {
         self.both_px / self.either_px
     }
 
-    /// Mean displacement of the outline, px: the area that only one covers, over the circumference of a disc with the
-    /// area of the second one.
+    /// Returns the mean displacement of the outline, px: the area that only one picture covers, divided by the circumference of a disc with the area
+    /// of the second one.
     pub fn outline_px(&self) -> f64 {
         (self.either_px - self.both_px) / (2.0 * (std::f64::consts::PI * self.second_px).sqrt())
     }
@@ -58,7 +58,7 @@ pub fn overlap(first: &[f64], second: &[f64]) -> Result<Overlap, MetricError> {
 mod tests {
     use super::*;
 
-    /// Coverage of a disc, with 16 x 16 samples per pixel.
+    /// Returns the coverage of a disc, with 16 x 16 samples per pixel.
     fn disc(x: f64, y: f64, radius: f64) -> Vec<f64> {
         let covered = |px: usize| {
             let samples = (0..256).filter(|s| {
@@ -75,11 +75,11 @@ mod tests {
         let truth = disc(20.0, 20.0, 10.0);
         let same = overlap(&truth, &truth).unwrap();
         assert_eq!((same.iou(), same.outline_px()), (1.0, 0.0));
-        // Half a pixel too large all around: (10 / 10.5)^2, and half a pixel of outline.
+        // The disc is half a pixel too large all around: the overlap is (10 / 10.5)^2, and the outline is displaced by half a pixel.
         let wide = overlap(&disc(20.0, 20.0, 10.5), &truth).unwrap();
         assert!((wide.iou() - (10.0 / 10.5_f64).powi(2)).abs() < 2e-3, "{}", wide.iou());
         assert!((wide.outline_px() - 0.5 * 10.25 / 10.0).abs() < 0.01, "{}", wide.outline_px());
-        // A displacement by s changes an area of 4 r s over both sides.
+        // A displacement by s changes an area of 4 r s, counted on both sides.
         let moved = overlap(&disc(21.0, 20.0, 10.0), &truth).unwrap();
         assert!((moved.outline_px() - 4.0 / std::f64::consts::TAU).abs() < 0.01, "{}", moved.outline_px());
         assert_eq!(overlap(&disc(5.0, 5.0, 3.0), &disc(30.0, 30.0, 3.0)).unwrap().iou(), 0.0);

@@ -46,8 +46,7 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// A Gaussian sampled at pixel centres, with the given standard deviation along each axis (pixels), cut at 5 deviations
-/// and normalised.
+/// Returns a Gaussian sampled at pixel centres, with the given standard deviation along each axis (pixels), cut at 5 deviations and normalised.
 pub fn sampled_gaussian(sigma_px: DVec2) -> impl Fn(DVec2) -> Vec<(i64, i64, f64)> {
     let axis = |centre: f64, sigma: f64| {
         let reach = (5.0 * sigma).ceil() as i64;
@@ -58,7 +57,7 @@ pub fn sampled_gaussian(sigma_px: DVec2) -> impl Fn(DVec2) -> Vec<(i64, i64, f64
     move |centre| normalised_product(&axis(centre.x, sigma_px.x), &axis(centre.y, sigma_px.y))
 }
 
-/// A round Gaussian integrated over each of `side` x `side` pixels around the centre, normalised.
+/// Returns a round Gaussian integrated over each of `side` x `side` pixels around the centre, normalised.
 pub fn integrated_gaussian(sigma_px: f64, side: i64) -> impl Fn(DVec2) -> Vec<(i64, i64, f64)> {
     let density = move |x: f64| (-0.5 * (x / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
     // Simpson's rule with 16 intervals per pixel: error far below 1e-6 for these widths.

@@ -18,13 +18,13 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
-    /// Whether the exposure follows the requests of frames, with a delay.
+    /// Whether the exposure follows the values that frames request, with a delay.
     pub fn adapts(settings: &ExposureSettings) -> bool {
         matches!(settings, ExposureSettings::Auto(auto) if auto.adaptation_s > 0.0)
     }
 
-    /// The exposure for a frame `dt_s` after the last observed one; `None`: the fully adapted value, which applies
-    /// before the first frame, without a time constant, and with manual exposure.
+    /// Returns the exposure for a frame `dt_s` after the last observed one. `None` means the fully adapted value; it applies before the first frame,
+    /// without a time constant, and with manual exposure.
     ///
     /// `new_for_s`: how long the scene has differed from that of the last frame. If this frame shows another scene, this is the time since the last
     /// frame was begun, otherwise 0. The exposure that a new picture requires is known only after it has been rendered. If the eye has looked at the
@@ -40,8 +40,8 @@ impl Adaptation {
         Some(current + (metered - current) * share)
     }
 
-    /// Observes a frame: its exposure, and the exposure that it requests. A value that is not finite (from a frame without
-    /// significant light) does not change the goal.
+    /// Records the exposure of a frame and the exposure that it requests. A value that is not finite (from a frame without significant light) is
+    /// ignored.
     pub fn observe(&mut self, exposure_ev100: f64, metered_ev100: f64) {
         if metered_ev100.is_finite() {
             self.metered = Some(metered_ev100);

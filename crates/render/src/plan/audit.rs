@@ -1,4 +1,5 @@
-//! Result of the audit of a frame, as plain data: errors of a sample of its pixels against f64, and images that were not compared.
+//! Result of the audit of a frame, as plain data: errors of a sample of its pixels relative to a computation in f64, and images that were not
+//! compared.
 
 use serde::Serialize;
 
@@ -27,7 +28,7 @@ impl Audit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AuditedOutput {
-    /// A display image: errors are in codes of 8 bits, beyond the rounding to a whole code.
+    /// A display image: errors are in 8-bit codes, in excess of the rounding to a whole code.
     Display,
     /// An HDR image: errors are in multiples of the budget, which is `flux` of the stars' light plus `glare` of the veil.
     Hdr,
@@ -57,7 +58,7 @@ pub struct ImageAudit {
     pub pixels: usize,
     /// Number of sampled pixels that were not compared: an overlay covers them, or f32 may draw a star differently because it is near a threshold.
     pub left_out: usize,
-    /// Error that 99.9 % of the channels of all compared pixels do not exceed.
+    /// 99.9th percentile of the errors of all channels of the compared pixels.
     pub error_999: f64,
     /// Largest error.
     pub largest: f64,

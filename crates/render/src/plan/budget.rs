@@ -1,9 +1,8 @@
 //! Error budget of a frame, in the unit of its output.
 //!
-//! Files of HDR images are exact. HDR images of streams may have an error relative to the luminance of a pixel, with a floor for dark
-//! pixels. A display image of 8 bits resolves only codes: a luminance counts if it changes a display value by
-//! `display_codes` codes where the transform from luminance to display value is steepest
-//! ([`super::settings::ToneMapSettings::greatest_slope`]).
+//! Files of HDR images are exact. HDR images of streams may have an error that is a fraction of a pixel's luminance, with a floor for dark pixels. An
+//! 8-bit display image resolves only whole codes. A luminance counts if it changes a display value by `display_codes` codes at the steepest part of
+//! the transform from luminance to display value ([`super::settings::ToneMapSettings::greatest_slope`]).
 
 use std::{f64::consts::PI, slice};
 
@@ -22,13 +21,13 @@ use crate::{
 
 /// Codes of an 8-bit image above black.
 pub(super) const CODES: f64 = 255.0;
-/// Fraction of the budget up to which the veil of one source is not drawn individually. Such a veil is part of the smooth rest, whose error is far
-/// smaller than its total.
+/// Fraction of the budget up to which the veil of one source is not drawn individually. Such a veil is part of the smooth remainder, whose error is
+/// far smaller than its total.
 const SHARE_OF_ONE_VEIL: f64 = 0.2;
-/// The same for HDR images. Their budget is a luminance, while the budget of a display image is a step between its darkest codes.
+/// The same fraction for HDR images. Their budget is a luminance, while the budget of a display image is a step between its darkest codes.
 const SHARE_OF_ONE_VEIL_HDR: f64 = 0.04;
 
-/// Budget steps per octave: exposures that differ by less than a step share data that depends on the budget.
+/// Number of budget steps per octave. Exposures that differ by less than a step share the data that depends on the budget.
 const STEPS_PER_OCTAVE: f64 = 2.0;
 /// Greatest pixel angle of a picture for which the smooth part of a veil is smooth from pixel to pixel, rad.
 const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
@@ -89,7 +88,7 @@ impl ErrorBudget {
         Approximation::new(name, steps * step, unit, Some(most * step))
     }
 
-    /// Fraction of the least luminance that counts above which the veil of a source is drawn individually.
+    /// Threshold above which the veil of a source is drawn individually, as a fraction of the least luminance that counts.
     pub fn share_of_one_veil(self) -> f64 {
         match self {
             Self::Codes(_) => SHARE_OF_ONE_VEIL,
@@ -111,8 +110,8 @@ impl ErrorBudget {
     }
 }
 
-/// Whether frames with display images only, with HDR images for streams and with exact images may differ: each has a separate budget for
-/// the veil of single sources and for the faint stars of a map.
+/// Whether three kinds of frames may differ: those with display images only, those with HDR images for streams, and those with exact images. Each
+/// kind has a separate budget for the veil of single sources and for the faint stars of a map.
 pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     may_have_veil_in_sums(settings, objects, viewports) || may_read_map_alone(settings, objects, viewports)
 }
@@ -150,8 +149,8 @@ fn is_coarse(viewport: &Viewport) -> bool {
     viewport.projection.middle_pixel_rad() > MOST_PIXEL_OF_VEIL_RAD
 }
 
-/// Whether a picture may show the neighbourhood of a direction in several places: round pictures show the direction behind the view all along
-/// their rim, tables with a cut show directions on both sides of it.
+/// Whether a picture may show the neighbourhood of a direction in several places: round pictures show the direction behind the view all along their
+/// rim, and a table with a cut shows neighbouring directions on both sides of the cut, in different places.
 fn surrounds(viewport: &Viewport) -> bool {
     match &viewport.projection {
         Projection::Fisheye(fisheye) => fisheye.half_fov_rad > 0.9 * PI,

@@ -36,7 +36,7 @@ impl Approximation {
 /// Stars of a deep store in a frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DeepReport {
-    /// Number of stars and composite stars that were drawn, in view or near it.
+    /// Number of stars and composite stars that were drawn, in view or near its border.
     pub stars: u64,
     /// Largest cell whose stars were drawn as a composite star, the root of its area, pixels; 0: every star was drawn.
     pub cell_px: f64,
@@ -45,7 +45,7 @@ pub struct DeepReport {
     /// Bound of the luminance that a pixel may lack or have in excess because of missing pages, or because finer pages do not fit into memory,
     /// cd/m^2.
     pub residual_cd_m2: f64,
-    /// The same in codes of an 8-bit display image.
+    /// The same bound in codes of an 8-bit display image.
     pub residual_codes: f64,
 }
 

@@ -9,7 +9,7 @@
 pub struct Costs {
     /// Number of stars in the map of faint light, per pixel of the views, above which reading the map costs less than drawing the stars.
     pub map_from_stars_per_pixel: f64,
-    /// Number of drawn stars above which it costs time to choose units finer than the faintest star requires, since more stars then need a second
+    /// Number of drawn stars above which units finer than the faintest star requires cost time: with finer units, more stars need a second atomic
     /// add.
     pub coarse_units_from_stars: u64,
 }

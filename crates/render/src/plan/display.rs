@@ -26,7 +26,7 @@ pub struct DisplayPlan {
     pub seen_cd_m2: Option<f64>,
     /// Whether light is summed in fixed point, for the resolve pass to convert to luminance.
     pub adds_up: bool,
-    /// Whether scattered light is added to resolved pictures.
+    /// Whether scattered light is added to pictures after the resolve pass.
     pub is_scattered_after: bool,
     /// Whether the resolve pass writes the display images. It does if the exposure is known in advance, no scattered light is added afterwards, and
     /// the adapter can do it ([`Limits::fuses_display`]).

@@ -11,7 +11,7 @@ use crate::{
 #[non_exhaustive]
 pub enum PlanError {
     /// A view is larger than the adapter allows.
-    #[error("view `{view}`: {width} x {height} pixels: this adapter's views have at most {limit} pixels a side")]
+    #[error("view `{view}` has {width} x {height} pixels, but this adapter allows at most {limit} pixels per side")]
     TooLarge {
         /// The view's name.
         view: String,
@@ -23,7 +23,7 @@ pub enum PlanError {
         limit: u32,
     },
     /// The rig has more images than one frame can have.
-    #[error("the views have {images} images in all: one frame has at most {limit}")]
+    #[error("the views have {images} images in all, but one frame can have at most {limit}")]
     TooManyImages {
         /// Number of images.
         images: usize,
@@ -32,7 +32,7 @@ pub enum PlanError {
     },
     /// The images of all views together take too much memory.
     #[error(
-        "view `{view}`: {bytes} bytes of pixels in all exceed the limit of one frame ({limit} bytes): make the views smaller or fewer"
+        "view `{view}`: the pixels of all views up to this one take {bytes} bytes, but one frame can take at most {limit} bytes: use smaller or fewer views"
     )]
     TooManyPixels {
         /// The view that exceeds the limit.
@@ -44,7 +44,7 @@ pub enum PlanError {
     },
     /// The tables of tabulated pictures do not fit.
     #[error(
-        "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all: this adapter holds at most {limit}: make the pictures smaller or fewer"
+        "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all, but this adapter can hold at most {limit}: use smaller or fewer pictures"
     )]
     TooLargeTables {
         /// The view that exceeds the limit.
@@ -56,7 +56,7 @@ pub enum PlanError {
     },
     /// Kernels that are round on the sky extend beyond the cuts of a tabulated picture.
     #[error(
-        "view `{view}`: stars.method = `{method}` spreads light over the sky, and a tabulated picture with a cut, or of the full sphere, has no directions beyond its edges: set the method to auto, bspline or tent"
+        "view `{view}`: stars.method = `{method}` spreads light over the sky, but a tabulated picture with a cut, or of the full sphere, has no directions beyond its edges: set the method to auto, bspline or tent"
     )]
     RoundKernelAtCut {
         /// The view's name.
@@ -66,7 +66,7 @@ pub enum PlanError {
     },
     /// The kernels of stars reach beyond the directions of a tabulated picture.
     #[error(
-        "view `{view}`: the kernels of stars.method = `{method}` reach {reach_px:.1} pixels, and a tabulated picture has directions up to {limit_px} pixels beyond its border: make them narrower"
+        "view `{view}`: the kernels of stars.method = `{method}` reach {reach_px:.1} pixels, but a tabulated picture has directions only up to {limit_px} pixels beyond its border: make the kernels narrower"
     )]
     KernelBeyondTable {
         /// The view's name.
@@ -92,7 +92,7 @@ pub enum PlanError {
     Glare(#[from] GlareKernelError),
     /// A published method cannot draw for a moving camera.
     #[error(
-        "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"
+        "stars.method = `{0}` can draw only for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or set the method to auto, bspline, tent or pixel_gaussian"
     )]
     AtRestOnly(&'static str),
     /// A published method cannot draw the stars of a deep store.
@@ -102,12 +102,12 @@ pub enum PlanError {
     DeepMethod(&'static str),
     /// Stars of a deep store cannot be drawn for a moving camera.
     #[error(
-        "the stars of a deep store are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove the store"
+        "the stars of a deep store can be drawn only for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove the store"
     )]
     DeepAtRest,
     /// Stars of a deep store do not fit in memory.
     #[error(
-        "these views need {needed_mib} MiB for the stars of the deep store, and stars.memory is {memory_mib} MiB: raise it, turn every_star off, or set a \
+        "these views need {needed_mib} MiB for the stars of the deep store, but stars.memory is {memory_mib} MiB: raise it, turn every_star off, or set a \
          brighter stars.magnitude_limit"
     )]
     DeepMemory {
@@ -117,15 +117,15 @@ pub enum PlanError {
         memory_mib: u64,
     },
     /// A part of a deep store cannot be read.
-    #[error("{0}; stars.skip_damaged = true draws the rest of the store")]
+    #[error("{0}; set stars.skip_damaged = true to draw the rest of the store")]
     DeepDamaged(String),
-    /// `sky_cube` scatters the light of the catalogue's stars.
+    /// `sky_cube` needs the catalogue's stars, which the star method does not draw.
     #[error(
         "glare.method = `sky_cube` reads the catalogue, but stars.method = `{0}` draws none of its stars: set glare.method to auto, view_pyramid, screen_pyramid or none"
     )]
     GlareOfCatalogue(&'static str),
     /// The scene has too many asteroid fields.
-    #[error("{fields} asteroid fields: a scene has at most {limit}")]
+    #[error("the scene has {fields} asteroid fields, but at most {limit} are allowed")]
     TooManyFields {
         /// Number of fields.
         fields: usize,
@@ -133,7 +133,7 @@ pub enum PlanError {
         limit: usize,
     },
     /// The fields of the scene have too many shapes.
-    #[error("{shapes} shapes in all asteroid fields: a scene has at most {limit}")]
+    #[error("the asteroid fields have {shapes} shapes in all, but at most {limit} are allowed in a scene")]
     TooManyShapes {
         /// Number of shapes.
         shapes: usize,
@@ -141,7 +141,9 @@ pub enum PlanError {
         limit: usize,
     },
     /// The scene has more asteroids than the adapter can bind at once.
-    #[error("{asteroids} asteroids in all fields: this adapter binds at most {limit} at once ({bytes} bytes)")]
+    #[error(
+        "the fields have {asteroids} asteroids in all, but this adapter can bind at most {limit} at once ({bytes} bytes)"
+    )]
     TooManyAsteroids {
         /// Number of asteroids.
         asteroids: u64,
@@ -168,7 +170,7 @@ pub enum PlanError {
     },
     /// The lists of asteroids exceed the adapter's binding size.
     #[error(
-        "lists of up to {needed} asteroids for all views: this adapter holds {limit}: use fewer views or asteroids, or a lower asteroids.quality"
+        "the lists of all views need up to {needed} asteroids, but this adapter can hold at most {limit}: use fewer views or asteroids, or a lower asteroids.quality"
     )]
     AsteroidLists {
         /// Entries needed.
@@ -181,13 +183,13 @@ pub enum PlanError {
         "stars.method = `{0}` draws only stars: bodies, asteroid fields, and the ground and air of an observer need auto, bspline, tent or pixel_gaussian"
     )]
     StarsOnly(&'static str),
-    /// Bodies and asteroids are drawn for a camera at rest.
+    /// Bodies and asteroids can be drawn only for a camera at rest.
     #[error(
-        "bodies, asteroid fields, and the ground and air of an observer are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
+        "bodies, asteroid fields, and the ground and air of an observer can be drawn only for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
     )]
     ObjectsAtRest,
     /// The textures of bodies do not fit.
-    #[error("the textures of the bodies take {bytes} bytes in all: this adapter binds at most {limit}")]
+    #[error("the textures of the bodies take {bytes} bytes in all, but this adapter can bind at most {limit}")]
     TooManyTexels {
         /// Bytes needed.
         bytes: u64,

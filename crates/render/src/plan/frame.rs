@@ -49,7 +49,7 @@ impl Plan {
 pub struct PlanOutputs<'a> {
     /// Kind of images.
     pub output: Output,
-    /// Whether each view is wanted, in the order of the rig; `None`: all of them. Unwanted views are drawn only if the exposure is metered.
+    /// Whether each view is wanted, in the order of the rig; `None`: all views are wanted. Unwanted views are drawn only if the exposure is metered.
     pub views: Option<&'a [bool]>,
     /// Use of maps of faint light.
     pub sky: SkyUse,
@@ -58,7 +58,7 @@ pub struct PlanOutputs<'a> {
 }
 
 impl PlanOutputs<'_> {
-    /// Requests images of that kind of all views, without a map of faint light and with an exposure from these views.
+    /// Requests images of the given kind for all views, without a map of faint light and with an exposure from these views.
     pub fn new(output: Output) -> Self {
         Self { output, views: None, sky: SkyUse::StarByStar, exposure: ExposureSource::Own }
     }
@@ -72,7 +72,7 @@ pub enum ExposureSource {
     Own,
     /// The plan of other views, with the given exposure.
     Planned(f64),
-    /// A separate meter that runs before the frame is drawn, so the exposure is known.
+    /// A separate meter. It runs before the frame is drawn, so the exposure is known.
     Meter,
 }
 
@@ -117,7 +117,7 @@ pub fn check_together(
     asteroids::frame::check(objects, limits)
 }
 
-/// Makes plans, and keeps results that take long to compute from plan to plan. These do not change plans.
+/// Makes plans. Results that take long to compute are kept from plan to plan; keeping them does not change any plan.
 pub struct Planner {
     techniques: Techniques,
     kept: Kept,
@@ -189,7 +189,7 @@ impl Planner {
         self.kept.kernel()
     }
 
-    /// Plans a frame. With automatic exposure, `adapted_ev100` is the exposure to show it with; without it, the exposure is that of a
+    /// Plans a frame. With automatic exposure, `adapted_ev100` is the exposure to show the frame with; if it is `None`, the exposure is that of a
     /// fully adapted eye.
     ///
     /// # Errors
@@ -208,8 +208,8 @@ impl Planner {
         limits.check(rig)?;
         self.techniques.iter().try_for_each(|technique| technique.check_rig(rig, settings, limits))?;
         self.check(scene, settings, limits)?;
-        // Views to draw: all of them if they are metered. The lit objects in any view may raise the exposure, so the exposure is planned
-        // for all views.
+        // Select the views to draw: all of them if the exposure is metered. A planned exposure is computed for all views too, because lit objects in
+        // any view may raise it.
         let PlanOutputs { output, views: wanted, sky, exposure } = outputs;
         let is_own = exposure == ExposureSource::Own;
         let wanted = wanted.filter(|_| !(is_own && settings.exposure.is_metered()));

@@ -1,4 +1,4 @@
-//! Spacing of the points over a picture at which smooth light is evaluated.
+//! Spacing of the points of a picture at which smooth light is evaluated.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -7,15 +7,15 @@ use crate::view::{
     projection::{FisheyeMapping, Projection},
 };
 
-/// Spacing for orthographic pictures, whose derivative is infinite at the rim, pixels.
+/// Spacing for orthographic pictures, pixels. The derivative of their mapping is infinite at the rim.
 const ORTHOGRAPHIC_SPACING_PX: u32 = 2;
 
 /// Limits of the distance between the points of a grid over a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridSpacing {
-    /// Greatest angle between two points at the centre of a picture, rad.
+    /// Greatest angle between adjacent points at the centre of a picture, rad.
     pub most_rad: f64,
-    /// Greatest distance, pixels: a power of two.
+    /// Greatest distance between adjacent points, pixels: a power of two.
     pub most_px: u32,
 }
 
@@ -32,8 +32,8 @@ impl GridSpacing {
     }
 }
 
-/// Angle of the widest pixel of a picture, rad. Most mappings have their widest pixels at the centre. The exceptions are orthographic ones, which have a
-/// separate spacing, and tables, whose pixels are at most a third wider, which budgets allow for.
+/// Angle of the widest pixel of a picture, rad. Most mappings have their widest pixels at the centre. There are two exceptions. Orthographic pictures
+/// have a separate spacing. The pixels of tabulated pictures are at most a third wider, and budgets allow for that.
 pub(super) fn widest_pixel_rad(viewport: &Viewport) -> f64 {
     let stretch = match &viewport.projection {
         // Along the meridian, pixels are 1 / cos(theta / 2) times as large as at the centre.

@@ -47,7 +47,7 @@ pub enum ReferenceSpace {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AfterExit {
-    /// Leaves the headset alone until the daemon is restarted.
+    /// Does not use the headset again until the daemon is restarted.
     #[default]
     Stop,
     /// Reconnects, as after a loss of the session.

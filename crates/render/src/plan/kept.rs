@@ -1,4 +1,4 @@
-//! Results that take long to compute and that several techniques use, kept from plan to plan. These do not change plans.
+//! Results that take long to compute and that several techniques use. They are kept from plan to plan; this does not change any plan.
 
 use std::sync::{Arc, Weak};
 

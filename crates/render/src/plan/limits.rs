@@ -18,7 +18,7 @@ use crate::view::{
 const MAX_FRAME_BYTES: u64 = 12 << 30;
 /// Bytes of a pixel of the display image.
 pub const DISPLAY_BYTES: u64 = 4;
-/// Maximum memory of a pixel: sums (or HDR image) and display image, on the adapter, in readback and in the frame.
+/// Maximum memory per pixel: sums (or HDR image) and display image, each on the adapter, in readback and in the frame.
 const FRAME_BYTES_PER_PIXEL: u64 = 3 * (BYTES_PER_PIXEL + DISPLAY_BYTES) + BYTES_PER_PIXEL / 2;
 
 /// Limits and abilities of an adapter that plans depend on.
@@ -66,11 +66,11 @@ impl Limits {
         }
     }
 
-    /// Checks that the images of a rig can be held.
+    /// Checks that the images of a rig fit within the limits.
     ///
     /// # Errors
     ///
-    /// The first view that is too large or exceeds a total.
+    /// Names the first view that is too large or makes a total exceed its limit.
     pub fn check(&self, rig: &Rig) -> Result<(), PlanError> {
         let limit = self.max_view_side_px;
         let mut bytes = 0;
@@ -106,8 +106,8 @@ impl Limits {
         Ok(())
     }
 
-    /// Checks that kernels that are round on the sky find their pixels in the tabulated pictures of a rig: these have no pixels
-    /// beyond a cut, and contain directions only up to a number of pixels from their border.
+    /// Checks that kernels that are round on the sky do not reach outside the tabulated pictures of a rig. Such pictures have no pixels beyond a cut,
+    /// and contain directions only up to a certain number of pixels beyond their border.
     pub(super) fn check_round_kernels(
         rig: &Rig,
         method: &'static str,
@@ -129,8 +129,8 @@ impl Limits {
         Ok(())
     }
 
-    /// Checks that the texture into which blending methods draw the largest image leaves memory for the images themselves. For a
-    /// fisheye of a few degrees, the texture is a cube's face with the picture's resolution, which is far larger than the picture.
+    /// Checks that there is enough memory for the images in addition to the texture into which blending methods draw the largest image. For a fisheye
+    /// of a few degrees, the texture is a cube's face with the picture's resolution, which is far larger than the picture.
     pub(super) fn check_blended(&self, rig: &Rig) -> Result<(), PlanError> {
         let images = || rig.views().iter().flat_map(|view| view.images.iter().map(move |image| (view, image)));
         let pixels: u64 =

@@ -1,4 +1,4 @@
-//! Decisions that follow from the settings alone, and those that hold for all frames of some objects and views. They determine the
+//! Decisions that follow from the settings alone, and decisions that are the same for all frames of given objects and views. They determine the
 //! resident data and the pipelines before the first plan.
 
 use super::{
@@ -41,7 +41,7 @@ impl Methods {
     }
 }
 
-/// Properties of all frames of some objects in some views with the same settings.
+/// Properties that all frames of the same objects and views with the same settings have in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forecast {
     limits: Limits,
@@ -54,7 +54,7 @@ pub struct Forecast {
     /// Whether frames with display images only may include the veil of single sources in their sums of light: see
     /// [`super::GlarePlan::in_sums`].
     pub may_have_veil_in_sums: bool,
-    /// Whether frames with display images only may have plain blocks, and whether they may have none.
+    /// Whether some frames with display images only have plain blocks, and whether some have none.
     has_plain: (bool, bool),
     /// Whether a frame may be drawn before its exposure is known.
     pub may_be_metered: bool,

@@ -1,13 +1,13 @@
 //! Decides how a frame is drawn, as plain data in f64, without a GPU.
 //!
-//! [`settings`] names the methods. `frame` makes the plan of a frame: `sequence` lists the techniques, each of which plans its own part
-//! through the interface in `technique`. A technique has a folder or a file with the name that it has in `crate::render`; `views` has the
-//! viewports and tiles that all techniques share, `kept` the results that several of them reuse.
+//! [`settings`] names the methods. `frame` makes the plan of a frame: `sequence` lists the techniques, each of which plans its own part through the
+//! interface in `technique`. A technique's folder or file has the same name as in `crate::render`. `views` contains the viewports and tiles that all
+//! techniques share, `kept` the results that several of them reuse.
 //!
-//! `methods` holds the decisions that follow from the settings alone, and those that are known before the first frame. `certificate` states
-//! the bounds of all approximations, `audit` the result of comparing a frame with f64. `view_settings` groups views that are drawn
-//! together. `costs` decides between two methods that both keep the error budget. `tiles` divides viewports into pieces that fit into a
-//! binding, and `tables` distributes the tables of pictures over buffers.
+//! `methods` contains the decisions that follow from the settings alone, and those that are known before the first frame. `certificate` states the
+//! bounds of all approximations, and `audit` the result of comparing a frame with f64. `view_settings` groups views that are drawn together. `costs`
+//! chooses between two methods if both keep the error budget. `tiles` divides viewports into pieces that fit into a binding, and `tables` distributes
+//! the tables of pictures over buffers.
 
 pub mod adaptation;
 mod air;

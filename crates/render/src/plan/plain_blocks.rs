@@ -15,8 +15,8 @@ use crate::view::{Viewport, projection::Projection};
 pub const PLAIN_BLOCK_PX: u32 = 8;
 /// Least spacing of the grid, pixels: a block has at most two cells along a side.
 const LEAST_SPACING_PX: u32 = 4;
-/// Greatest angle between two points of the grid at the centre of a picture, rad. Light that is too curved for it is found by its second
-/// differences.
+/// Greatest angle between adjacent points of the grid at the centre of a picture, rad. Second differences reveal light that is too curved for this
+/// spacing.
 const MOST_RAD: f64 = 0.0246;
 /// Error of the interpolated light that a block may have, as a fraction of the budget.
 pub const SHARE_OF_BUDGET: f64 = 0.5;
@@ -26,7 +26,7 @@ pub const SHARE_OF_BUDGET: f64 = 0.5;
 pub struct PlainSpacing {
     /// In the picture, pixels.
     pub px: u32,
-    /// The greatest angle, rad.
+    /// Greatest angle between adjacent points, rad.
     pub rad: f64,
 }
 
@@ -43,7 +43,8 @@ pub struct PlainBlocksPlan {
 /// Plans [`PlainBlocksPlan`].
 pub(super) struct PlainBlocks;
 
-/// Spacings of the grids of viewports: see [`PlainBlocksPlan::spacings`]. `is_costly`: pixels have light from the air or from a map of faint light.
+/// Returns the spacings of the grids of viewports: see [`PlainBlocksPlan::spacings`]. `is_costly`: whether pixels contain light from the air or from
+/// a map of faint light, which is costly to compute.
 pub(super) fn plain_spacings(viewports: &[Viewport], is_costly: bool) -> Vec<Option<PlainSpacing>> {
     let are_smooth = are_smooth(viewports);
     let spacing = GridSpacing { most_rad: MOST_RAD, most_px: PLAIN_BLOCK_PX };

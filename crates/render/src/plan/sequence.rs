@@ -1,4 +1,4 @@
-//! The parts of a plan, the techniques that compute them, and the steps in which they do it.
+//! The parts of a plan, the techniques that compute them, and the steps of this computation.
 
 use std::sync::Arc;
 

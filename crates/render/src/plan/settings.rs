@@ -20,14 +20,14 @@ pub use crate::photometry::tone_map::{ToneMapKeys, ToneMapOperator, ToneMapSetti
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AccuracySettings {
-    // Budgets above these limits (all of the light, or ten pixels) are mistakes.
+    // A budget above its limit (all of the light, or ten pixels) is a mistake.
     /// Relative error of the flux of a star.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub flux: f64,
     /// Error of the centroid of a star.
     #[schemars(range(max = 10.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "pixels"))]
     pub centroid_px: f64,
-    /// Standard deviation over mean of the displayed flux of a star over its sub-pixel positions.
+    /// Standard deviation of the displayed flux of a star over its sub-pixel positions, divided by the mean.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub flicker: f64,
     /// `sky_cube`: a source is drawn individually if its veil exceeds this fraction of the veil around it.

@@ -1,5 +1,5 @@
-//! Where the tables of tabulated pictures are held: in a storage buffer, or in a texture if the adapter's bindings are too small or too
-//! few. A software driver binds 128 MiB, and the tables of six projectors of 1920 x 1080 pixels take 236.
+//! Decides where the tables of tabulated pictures are held: in a storage buffer, or in a texture if the adapter's bindings are too small or too few.
+//! A software driver binds at most 128 MiB, and the tables of six projectors of 1920 x 1080 pixels take 236 MiB.
 
 /// Groups of four words in a row of the texture.
 pub(crate) const TABLE_COLUMNS: u32 = 4096;
@@ -18,7 +18,7 @@ pub(crate) enum TableForm {
     Texture,
 }
 
-/// Returns where tables of `bytes` bytes in all are held. `in_buffer_bytes`: the greatest size of a buffer for them.
+/// Returns the place for tables of `bytes` bytes in all. `in_buffer_bytes` is the maximum size of a buffer for them.
 pub(crate) fn table_form(bytes: u64, in_buffer_bytes: u64) -> TableForm {
     match bytes {
         0 => TableForm::None,

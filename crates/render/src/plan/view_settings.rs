@@ -1,8 +1,8 @@
-//! Settings of single views, and the division of a rig into frames: views that are drawn alike and share one exposure are one frame;
-//! the others are separate frames.
+//! Settings of single views, and the division of a rig into frames: views that are drawn alike and share one exposure form one frame; the others form
+//! separate frames.
 //!
-//! A group of views shares one exposure, even if the views differ in other settings. It is computed for all views of the group together,
-//! with the glare and the tone mapping of the first of them. Without settings of single views all views are one frame.
+//! A group of views shares one exposure, even if the views differ in other settings. It is computed for all views of the group together, with the
+//! glare and the tone mapping of the first view. Without settings of single views all views are one frame.
 
 use super::settings::{
     AutoExposure, ExposureSettings, GlareSettings, Meter, Metering, RenderSettings, ToneMapSettings,
@@ -37,7 +37,7 @@ pub struct ViewSettings {
 }
 
 impl ViewSettings {
-    /// Settings of a view that defines none.
+    /// Settings of a view without settings in the configuration.
     pub fn general(settings: &RenderSettings) -> Self {
         Self {
             group: ExposureGroup::General,
@@ -68,7 +68,7 @@ pub struct FrameGroup {
     pub exposed_as: Option<(Rig, RenderSettings)>,
 }
 
-/// Divides the views of a rig into frames. Frames with the general exposure are first, the others are in the order of their first views. `views` has
+/// Divides the views of a rig into frames. Frames with the general exposure come first; the others are in the order of their first views. `views` has
 /// the settings of each view in the order of the rig. Views beyond its end have the common settings.
 pub fn frame_groups(rig: &Rig, common: &RenderSettings, views: &[ViewSettings]) -> Vec<FrameGroup> {
     let general = ViewSettings::general(common);
@@ -100,12 +100,13 @@ pub fn frame_groups(rig: &Rig, common: &RenderSettings, views: &[ViewSettings]) 
         .collect()
 }
 
-/// Side of the picture in which a spot is metered, pixels. With this side, the pixels inside the circle cover its area to 1.4e-4; few other sides are
-/// as accurate.
+/// Side of the picture in which a spot is metered, pixels. With this side, the total area of the pixels inside the circle equals the circle's area to
+/// 1.4e-4. Few other sides are as accurate.
 pub const SPOT_PX: u32 = 86;
 
-/// The cone that `spot` meters for a rig, as a rig of one round picture. The cone is around the middle of the first view's picture. If this view has
-/// two eyes, it is between them; if it has several faces, it is in the first face. `None`: the rig is empty, or the exposure does not meter a spot.
+/// Returns the cone that `spot` meters for a rig, as a rig of one round picture. The cone is around the middle of the first view's picture. If this
+/// view has two eyes, the apex of the cone is between them; if it has several faces, the cone is in the first face. `None`: the rig is empty, or the
+/// exposure does not meter a spot.
 ///
 /// # Errors
 ///
@@ -135,8 +136,8 @@ pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, R
     Rig::new(vec![View::new("spot", kind, orientation, place_m)?]).map(Some)
 }
 
-/// The settings with which a meter's picture is drawn; its mean is metered. Glare pyramids are left out for a spot: they use only the content of the
-/// picture, and a spot shows very little. Composite stars are sufficient, since they have the light of all stars.
+/// The settings with which a meter's picture is drawn; its mean is metered. Glare pyramids are left out for a spot: they are computed from the
+/// picture, and the picture of a spot contains very little. Composite stars are sufficient, since they have the light of all stars.
 pub fn meter_settings(settings: &RenderSettings) -> RenderSettings {
     use super::settings::GlareMethod;
     let mut meter = settings.clone();

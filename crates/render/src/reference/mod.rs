@@ -7,7 +7,7 @@
 //! - `diffuse`: unresolved light;
 //! - `air`: the ground and the air around an observer;
 //! - `asteroids`: fields of asteroids, ray by ray against their meshes, and `impostors`;
-//! - `glare`: scattered light in every direction, source by source, and the published pyramids;
+//! - `glare`: light scattered in every direction, which `sky_cube` adds up source by source, and the published pyramids;
 //! - `sky`: the exact sky, with each star spread by an exact kernel over exact solid angles, in any projection;
 //! - `sampled`: chosen pixels of images, with the kernels and the glare of a frame: the reference of audits;
 //! - `overlay`: lines and text over display images;

@@ -9,10 +9,9 @@
 //!
 //! The axes of a spread are those of the view, transported along the great circle from the optical axis to the star.
 //!
-//! The picture is divided recursively into rectangles down to 8 x 8 pixels; each passes on the stars that may reach it
-//! (using a cone around the rectangle's directions). Only the directions of a mapping are used, so wraps, poles, rims
-//! and the edges of a cube need no special treatment. Every pixel sums its stars in a fixed order, so that the picture
-//! does not depend on the number of threads.
+//! The picture is divided recursively into rectangles down to 8 x 8 pixels; each rectangle passes on the stars that may reach it, which are found
+//! with a cone around its directions. Only the directions of a mapping are used, so wraps, poles, rims and the edges of a cube need no special
+//! treatment. Every pixel sums its stars in a fixed order, so that the picture does not depend on the number of threads.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -47,8 +46,8 @@ pub enum SkyKernel<'a> {
     Spread(&'a dyn PointSpread),
 }
 
-/// The stars of a set that are at least as bright as `faintest_lx` for the eye. A star at the exact position of the eye
-/// has no direction and is left out.
+/// Returns the stars of a set that are at least as bright as `faintest_lx` for the eye. A star at the exact position of the eye has no direction and
+/// is left out.
 pub fn stars_for(set: &StarSet, eye: Eye, faintest_lx: f64) -> Vec<SkyStar> {
     let brighter = |star: &SeenStar| star.illuminance_lx >= faintest_lx;
     let coloured = |star: SeenStar| SkyStar {
@@ -71,8 +70,8 @@ fn black(mapping: &dyn PlaneMapping) -> ReferenceImage {
     ReferenceImage { size, illuminance_lx: vec![[0.0; 3]; size[0] as usize * size[1] as usize], stars: 0 }
 }
 
-/// The pixel that contains a point. A point on a border, within f64 accuracy, is shared by both sides: rounding must
-/// not place it beyond the edges of both of two cube faces.
+/// Returns the pixel that contains a point. The pixels on both sides share a point that lies on a border within f64 accuracy: otherwise rounding
+/// could place it beyond the edges of both of two cube faces.
 fn point(centre: DVec2) -> Vec<(i64, i64, f64)> {
     let axis = |at: f64| {
         let border = at.round();
@@ -185,7 +184,7 @@ fn draw_spread(stars: &[SkyStar], mapping: &dyn PlaneMapping, spread: &dyn Point
     image
 }
 
-/// Angle between unit vectors, rad, accurate for both small and large angles.
+/// Returns the angle between unit vectors, rad, accurate for both small and large angles.
 pub(super) fn separation_rad(a: DVec3, b: DVec3) -> f64 {
     2.0 * (a - b).length().atan2((a + b).length())
 }
@@ -217,7 +216,7 @@ impl Painter<'_> {
         blocks
     }
 
-    /// A cone that contains every direction of a rectangle; `None` if it is undetermined.
+    /// Returns a cone that contains every direction of a rectangle; `None` if it is undetermined.
     fn cone(&self, rect: Rect) -> Option<(DVec3, f64)> {
         const PARTS: u32 = 4;
         let direction_at = |i: u32, j: u32| {
@@ -247,7 +246,7 @@ impl Painter<'_> {
         Some((axis, farthest + slack))
     }
 
-    /// Light of a pixel.
+    /// Returns the light of a pixel.
     fn pixel(&self, x: u32, y: u32, candidates: &[u32]) -> [f64; 3] {
         let mut sum = [0.0; 3];
         let Some(pixel) = Pixel::new(self.mapping, x, y) else { return sum };
@@ -333,8 +332,8 @@ impl<'a> Pixel<'a> {
         Some(Self { mapping, corner, centre, solid_angle_sr, radius_rad })
     }
 
-    /// Directions, and area elements times weights, over a square of the pixel, with `from` its upper left corner in
-    /// [0, 1]^2.
+    /// Returns the directions, and area elements times weights, over a square of the pixel. `from` is the upper left corner of the square in [0,
+    /// 1]^2.
     pub(super) fn cell(&self, rule: &[(f64, f64)], from: DVec2, side: f64) -> Vec<(DVec3, f64)> {
         let mut nodes = Vec::with_capacity(rule.len() * rule.len());
         // Well below the distance of the outermost node from the edge.
@@ -355,12 +354,12 @@ impl<'a> Pixel<'a> {
         nodes
     }
 
-    /// Direction of the centre of a square of the pixel; `None` beyond a rim.
+    /// Returns the direction of the centre of a square of the pixel; `None` beyond a rim.
     pub(super) fn middle(&self, from: DVec2, side: f64) -> Option<DVec3> {
         self.mapping.direction_from_pixel(self.corner + from + DVec2::splat(side / 2.0))
     }
 
-    /// Directions over the whole pixel; their weights sum to its solid angle.
+    /// Returns the directions over the whole pixel; their weights sum to its solid angle.
     fn nodes(&self, rule: &[(f64, f64)]) -> Vec<(DVec3, f64)> {
         let mut nodes = self.cell(rule, DVec2::ZERO, 1.0);
         let sum: f64 = nodes.iter().map(|(_, weight)| weight).sum();
@@ -374,8 +373,7 @@ impl<'a> Pixel<'a> {
         }
     }
 
-    /// Integral of a kernel with detail finer than the pixel: squares near the star are subdivided to the scale of the
-    /// detail.
+    /// Returns the integral of a kernel with detail finer than the pixel: squares near the star are subdivided to the scale of the detail.
     fn divided(&self, kernel: &Toward<'_>, star: DVec3) -> [f64; 3] {
         let sum: f64 = self.cell(&FIVE_POINTS, DVec2::ZERO, 1.0).iter().map(|(_, weight)| weight).sum();
         let scale = if sum > 0.0 { self.solid_angle_sr / sum } else { 1.0 };

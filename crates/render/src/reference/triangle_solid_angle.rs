@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::view::projection::{CubeFace, Face, PlaneMapping, ProjectionError};
 
-/// Solid angle of pixel (x, y) of a 90-degree face with `size` pixels per side, sr, as a shader computes it in f32.
+/// Returns the solid angle of pixel (x, y) of a 90-degree face with `size` pixels per side, sr, as a shader computes it in f32.
 pub fn pixel_solid_angle_sr(size: u32, x: u32, y: u32) -> f32 {
     let corner = |i: u32, j: u32| {
         let across = 2.0 * (i as f32) / size as f32 - 1.0;
@@ -25,7 +25,7 @@ fn triangle_sr(a: Vec3, b: Vec3, c: Vec3) -> f32 {
     2.0 * (a.dot(b.cross(c)).abs() / (1.0 + a.dot(b) + b.dot(c) + c.dot(a))).atan()
 }
 
-/// Relative errors of solid angles over the pixels of a face.
+/// Relative errors of solid angles, over the pixels of a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelativeErrors {
     /// 99th percentile of the absolute errors.
@@ -34,8 +34,8 @@ pub struct RelativeErrors {
     pub largest: f64,
 }
 
-/// Errors of `solid_angle_sr` over a 90-degree face with `size` pixels per side, relative to f64, at up to a million
-/// pixels spread evenly over it.
+/// Measures the errors of `solid_angle_sr` on a 90-degree face with `size` pixels per side, relative to f64. It uses up to a million pixels that are
+/// spread evenly over the face.
 ///
 /// # Errors
 /// The face has no pixels.
@@ -75,7 +75,7 @@ mod tests {
             let least = [(1080, 1e-2), (4096, 0.2), (8192, 0.5)].iter().find(|(s, _)| *s == size).unwrap().1;
             assert!(found.p99 > least && found.largest >= found.p99);
         }
-        // The measure itself: f64 against f64, and one per cent too much.
+        // Test the measure itself: f64 compared with f64, and values that are one per cent too large.
         let face = CubeFace::new(Face::Front, 512).unwrap();
         assert_eq!(face_errors(512, |x, y| face.solid_angle_sr(x, y)).unwrap().largest, 0.0);
         let found = face_errors(512, |x, y| 1.01 * face.solid_angle_sr(x, y)).unwrap();

@@ -1,10 +1,10 @@
-//! Constants shared by Rust and the shaders, in tables that shaders import as `constants/...`. A constant that belongs
-//! to `plan`, `photometry` or the catalogue is defined there and only named here.
+//! Constants shared by Rust and the shaders, in tables that shaders import as `constants/...`. A constant that belongs to `plan`, `photometry` or the
+//! catalogue is defined there; this file only refers to it.
 
 use crate::gpu::shared_constants;
 use crate::view::projection::Face;
 
-/// Axis of every face of a cube: its viewing direction (0) or its up direction (1).
+/// For every face of a cube, one of its axes: the viewing direction (0) or the up direction (1).
 const fn face_axes(axis: usize) -> [[f32; 3]; 6] {
     let mut axes = [[0.0; 3]; 6];
     let mut face = 0;
@@ -21,7 +21,7 @@ const fn f32s(values: [f64; 5]) -> [f32; 5] {
     [a as f32, b as f32, c as f32, d as f32, e as f32]
 }
 
-/// Zones of Saturn's rings: outer radius, optical depth, albedo.
+/// Returns the zones of Saturn's rings: outer radius, optical depth, albedo.
 const fn ring_zones() -> [[f32; 3]; 4] {
     let mut zones = [[0.0; 3]; 4];
     let mut zone = 0;
@@ -41,7 +41,7 @@ shared_constants! {
     }
     /// Linear Rec. 709.
     mod rec709 {
-        /// Luminance of red, green and blue.
+        /// Weights of red, green and blue in the luminance.
         LUMINANCE_WEIGHTS: [f32; 3] = {
             let [r, g, b] = crate::photometry::rec709::LUMINANCE_WEIGHTS;
             [r as f32, g as f32, b as f32]
@@ -58,7 +58,7 @@ shared_constants! {
         /// Maximum number of pictures and faces that asteroids are drawn on.
         MAX_PLANES: u32 = crate::plan::asteroids::kinds::MAX_PLANES as u32;
     }
-    /// Projection kinds of a viewport.
+    /// Projections of a viewport.
     mod projections {
         KIND_PERSPECTIVE: u32 = 0;
         KIND_CUBE_FACE: u32 = 1;
@@ -112,11 +112,11 @@ shared_constants! {
         /// Up direction of each face.
         FACE_UP: [[f32; 3]; 6] = super::face_axes(1);
     }
-    /// Pixels of the passes over pixels: blocks of COLUMNS by ROWS share a flag.
+    /// Constants of the passes over pixels. All pixels of a block of COLUMNS by ROWS share a flag.
     mod pixel_grid {
         COLUMNS: u32 = 64;
         ROWS: u32 = 16;
-        /// Columns per workgroup; few, so that a decision per workgroup suits all of its pixels.
+        /// Columns per workgroup. They are few, so that one decision suits all pixels of a workgroup.
         BLOCK_COLUMNS: u32 = 8;
     }
     /// Plain blocks of display images.
@@ -131,8 +131,8 @@ shared_constants! {
         BLOCK_IS_OUTSIDE: u32 = 4;
         /// Flag of a mixed block: the light that bodies scatter in the eye is interpolated.
         BLOCK_HAS_SMOOTH_GLARE: u32 = 8;
-        /// First bit of a field in the flags of a block: the number of times that the spacing of the grid is halved to read the map of diffuse light.
-        /// It is the last field. 0: the grid is fine enough.
+        /// First bit of the last field in the flags of a block. The field is the number of times that the spacing of the grid must be halved to read
+        /// the map of diffuse light. 0: the grid is fine enough.
         BLOCK_HALVINGS_SHIFT: u32 = 4;
         /// Greatest number of halvings: every row of pixels reads the map.
         MOST_HALVINGS: u32 = 3;
@@ -141,7 +141,7 @@ shared_constants! {
         /// Marks a part that a frame does not have; used instead of the index of its first point.
         NO_POINTS: u32 = u32::MAX;
     }
-    /// Workgroup sizes: number of invocations of linear workgroups, or along each side of square ones.
+    /// Workgroup sizes: the number of invocations of linear workgroups, or the number along each side of square ones.
     mod workgroups {
         /// Passes over a catalogue, star by star.
         CATALOGUE_THREADS: u32 = 64;
@@ -157,7 +157,7 @@ shared_constants! {
         PYRAMID_SIDE: u32 = 8;
         /// Passes over the points of a glare map.
         MAP_SIDE: u32 = 8;
-        /// Invocations along a column of points of a glare map, for four points each.
+        /// Invocations along a column of points of a glare map. Each computes four points.
         MAP_ROWS: u32 = 2;
         /// Pass over the points of a veil.
         VEIL_SIDE: u32 = 8;
@@ -182,8 +182,8 @@ shared_constants! {
         GAUSSIAN_CUT: f32 = crate::photometry::kernel::GAUSSIAN_CUT as f32;
         /// Pixels along a side of the kernel on the image plane.
         PLANE_GAUSSIAN_PIXELS: i32 = crate::photometry::kernel::BRIGHT_KERNEL_PIXELS as i32;
-        /// Brightness ratio over which the B-spline is blended out: from the first star with this kernel to the first
-        /// without any B-spline part.
+        /// Brightness ratio over which the B-spline is blended out: from the faintest star with this kernel to the faintest whose kernel has no
+        /// B-spline part.
         PLANE_GAUSSIAN_GROWTH: f32 = crate::photometry::kernel::BRIGHT_KERNEL_GROWTH as f32;
     }
     /// Pieces of the map of faint light.
@@ -221,7 +221,7 @@ shared_constants! {
         COLDEST_K: f32 = crate::catalogue::packed::MIN_TEMPERATURE_K as f32;
         /// Number of the last step of stars at rest.
         LAST_STEP: f32 = (crate::catalogue::packed::TEMPERATURE_STEPS - 1) as f32;
-        /// Octaves between both ends of the scale.
+        /// Number of octaves between the two ends of the scale.
         TEMPERATURE_OCTAVES: f32 = crate::catalogue::packed::TEMPERATURE_OCTAVES as f32;
     }
     /// Table of colours that moving observers see.
@@ -282,7 +282,7 @@ shared_constants! {
         /// Lowest sines; below them refraction is constant.
         REFRACTION_LOWEST_SEEN: f32 = crate::observer::refraction::LOWEST_SEEN as f32;
         REFRACTION_LOWEST_ARRIVING: f32 = crate::observer::refraction::LOWEST_ARRIVING as f32;
-        /// Sine below which refraction is zero, and sine above which it is not reduced.
+        /// Sine below which refraction is zero, and sine above which refraction is not reduced.
         REFRACTION_GONE: f32 = crate::observer::refraction::FADING[0] as f32;
         REFRACTION_WHOLE: f32 = crate::observer::refraction::FADING[1] as f32;
     }
@@ -358,7 +358,7 @@ shared_constants! {
     mod extended_sources {
         /// Flag of an extended source.
         IS_EXTENDED: u32 = 1 << 31;
-        /// Resolution and bit mask of the fraction of its light that its softened kernel omits.
+        /// Number of steps and bit mask of the fraction of its light that its softened kernel omits.
         SHARE_PARTS: u32 = 65_535;
     }
     /// Veil of single sources.
@@ -384,7 +384,7 @@ shared_constants! {
         VIEW_LONGITUDE: u32 = 2;
         /// Number of steps of a picture's table.
         TABLE_STEPS: u32 = crate::plan::asteroids::views::TABLE_STEPS as u32;
-        /// First entry of the shapes, after room for the tables of all pictures.
+        /// Index of the first entry of the shapes, which follow the room for the tables of all pictures.
         FIRST_SHAPE: u32 =
             (crate::plan::stars::cull::MAX_VIEWPORTS * (crate::plan::asteroids::views::TABLE_STEPS + 1)) as u32;
         /// Fraction of a class's range over which it fades in.
@@ -398,8 +398,8 @@ shared_constants! {
         WHOLE_PICTURE: u32 = crate::plan::asteroids::cpu_cull::WHOLE_PICTURE as u32;
         /// Maximum number of kinds of a field: meshes, impostors, and the count of visible asteroids.
         MAX_LOCAL: u32 = crate::plan::asteroids::kinds::MAX_SET_MESHES as u32 + 2;
-        /// Fade of an asteroid that is drawn in full. Other values: w if it fades in with share w; -w if it is drawn
-        /// where share w is not.
+        /// Fade of an asteroid that is drawn in full. Other values: w if it fades in with the share w; -w if it is drawn in the pixels outside the
+        /// share w.
         WHOLE: f32 = crate::plan::asteroids::cpu_cull::WHOLE;
         /// Least absolute value of a fade, so that its sign is kept.
         LEAST_SHARE: f32 = crate::plan::asteroids::cpu_cull::LEAST_SHARE as f32;

@@ -1,4 +1,4 @@
-//! Shared by the passes that compute display values: the variant of the tone mapping and its parameters.
+//! Code shared by the passes that compute display values: the variant of the tone mapping and its parameters.
 //!
 //! No shader: code shared by the passes that make display values: shaders/display/encode.wgsl.
 //! No twin: photometry/tone_map.rs.
@@ -26,7 +26,7 @@ impl DisplayVariant {
         }
     }
 
-    /// Overridable constants of `shaders/display/encode.wgsl`.
+    /// Returns the overridable constants of `shaders/display/encode.wgsl`.
     pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
         let operator = match self.operator {
             ToneMapOperator::Filmic => display::OPERATOR_FILMIC,

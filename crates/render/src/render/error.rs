@@ -17,16 +17,16 @@ pub enum RenderError {
     /// An impostor atlas cannot be made.
     #[error(transparent)]
     Impostors(#[from] Box<ImpostorAtlasError>),
-    /// The number of buffer choices differs from the number of views.
-    #[error("{given} choices of buffers for {views} views")]
+    /// The number of entries that state the buffers to read back differs from the number of views.
+    #[error("buffers to read back are given for {given} views, but the rig has {views}")]
     WantedCount {
-        /// Number of choices passed in.
+        /// Number of entries passed in.
         given: usize,
         /// Number of views.
         views: usize,
     },
-    /// A presentation names an image that does not exist.
-    #[error("presentation of image {viewport}: the views have {images} images in all")]
+    /// A presentation refers to an image that does not exist.
+    #[error("cannot present image {viewport}: the views have only {images} images in all")]
     NoSuchImage {
         /// Index of the image.
         viewport: usize,

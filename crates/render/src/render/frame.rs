@@ -35,8 +35,7 @@ pub struct FrameImage {
 }
 
 impl FrameImage {
-    /// Illuminance of the image: luminance times solid angle, summed over all pixels, lx. `None` if the HDR image was
-    /// not requested.
+    /// Returns the illuminance of the image: luminance times solid angle, summed over all pixels, lx. `None` if the HDR image was not requested.
     pub fn illuminance_lx(&self) -> Option<f64> {
         let light = |[red, green, blue, omega_sr]: &[f32; 4]| {
             luminance([red, green, blue].map(|channel| f64::from(*channel))) * f64::from(*omega_sr)
@@ -46,8 +45,7 @@ impl FrameImage {
 }
 
 impl Frame {
-    /// Replaces the view indices of a frame of a partial rig by those in the whole rig. `numbers` lists them in the
-    /// order of the partial rig.
+    /// Replaces the view indices of a frame of a partial rig by those of the whole rig, which `numbers` lists in the order of the partial rig.
     ///
     /// # Panics
     ///
@@ -83,7 +81,7 @@ impl Frame {
     }
 }
 
-/// Statistics of one view of a frame, also written to the manifest.
+/// Statistics of one view of a frame. They are also written to the manifest.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewStatistics {
     /// The view's name.
@@ -92,13 +90,13 @@ pub struct ViewStatistics {
     pub stars_drawn: u64,
     /// Number of stars in the map of faint light that the view reads, over the whole sky; 0: the view reads no map.
     pub stars_in_map: u64,
-    /// Magnitude of the faintest stars visible in the display image: their peak is 20 of 255. Computed from the
-    /// exposure and the view's mean pixel. `None` for star methods that do not draw stars with their physical light.
+    /// Magnitude of the faintest visible stars in the display image: those whose peak is 20 of 255. Computed from the exposure and the view's mean
+    /// pixel. `None` for star methods that do not draw stars with their physical light.
     pub limiting_magnitude: Option<f64>,
     /// Numbers of asteroids, by the form they are drawn in.
     pub asteroids: AsteroidCounts,
-    /// The view's share of GPU time, ms: the star pass is shared by number of stars, passes over pixels by number of
-    /// pixels. `None` if the adapter has no timestamps.
+    /// The view's share of GPU time, ms. The star pass is divided in proportion to the number of stars, passes over pixels in proportion to the
+    /// number of pixels. `None` if the adapter has no timestamps.
     pub gpu_ms: Option<f64>,
 }
 
@@ -109,29 +107,29 @@ pub struct Wanted {
     pub display: bool,
     /// The exact HDR image.
     pub hdr: bool,
-    /// The HDR image with the accuracy `accuracy.hdr`. It is exact if any view of the frame requests an exact one.
+    /// The HDR image with the accuracy `accuracy.hdr`. The image is exact if any view of the frame requests an exact one.
     pub hdr_streamed: bool,
-    /// Make the HDR image but leave it on the GPU, to time its making.
+    /// Make the HDR image but leave it on the GPU, to measure the time that it takes.
     pub hdr_stays: bool,
 }
 
 impl Wanted {
-    /// Only the display image.
+    /// Requests only the display image.
     pub const fn display() -> Self {
         Self { display: true, hdr: false, hdr_streamed: false, hdr_stays: false }
     }
 
-    /// Only the exact HDR image.
+    /// Requests only the exact HDR image.
     pub const fn hdr() -> Self {
         Self { display: false, hdr: true, hdr_streamed: false, hdr_stays: false }
     }
 
-    /// Only the HDR image with the accuracy `accuracy.hdr`.
+    /// Requests only the HDR image with the accuracy `accuracy.hdr`.
     pub const fn hdr_streamed() -> Self {
         Self { display: false, hdr: false, hdr_streamed: true, hdr_stays: false }
     }
 
-    /// Both images.
+    /// Requests both images.
     pub const fn both() -> Self {
         Self { display: true, hdr: true, hdr_streamed: false, hdr_stays: false }
     }
@@ -143,7 +141,7 @@ impl Wanted {
 }
 
 impl BitOrAssign for Wanted {
-    /// Requests the buffers of both.
+    /// Returns a request for all buffers that either of the two contains.
     fn bitor_assign(&mut self, other: Self) {
         self.display |= other.display;
         self.hdr |= other.hdr;
@@ -166,8 +164,8 @@ pub struct FrameTimes {
     pub cull_ms: f64,
     /// Number of buffers, bind groups and pipelines created for the frame; 0 in a steady state.
     pub objects_made: u64,
-    /// From submission to the end of the readback, counting only time for which the caller waited: without the time
-    /// between [`Renderer::submit`] and [`Renderer::finish`].
+    /// Time from submission to the end of the readback. It includes only the time during which the caller waited, not the time between
+    /// [`Renderer::submit`] and [`Renderer::finish`].
     pub gpu_and_readback_ms: f64,
     /// Duration of [`Renderer::render`], or of [`Renderer::submit`] and [`Renderer::finish`] without the time between
     /// them.
@@ -187,9 +185,9 @@ pub struct Frame {
     pub exposure_ev100: f64,
     /// Metered exposure of this frame, the target of adaptation.
     pub metered_ev100: f64,
-    /// Mean luminance over all views, weighted by solid angle, cd/m^2. With a separate meter frame, over that frame.
+    /// Mean luminance over all views, weighted by solid angle, cd/m^2. If a separate meter frame was drawn, it is the mean over that frame.
     pub mean_luminance_cd_m2: f64,
-    /// Images in the order of views and parts; none for views without requested buffers.
+    /// Images in the order of views and parts. There are none for views without requested buffers.
     pub images: Vec<FrameImage>,
     /// One entry per view of the rig.
     pub views: Vec<ViewStatistics>,

@@ -21,13 +21,14 @@ gpu_structs! {
         face: u32,
         /// Fisheye: the rim's radius before normalisation, F/2, sin(F/4), sin(F/2) or tan(F/4), F being the field of view.
         rim: f32,
-        /// Equidistant: pi - F/2. Orthographic: cos^2(F/2). Both are computed in f64: f32 would cancel.
+        /// Equidistant: pi - F/2. Orthographic: cos^2(F/2). Both are computed in f64, because in f32 the leading digits would cancel.
         rim_complement: f32,
         /// Fisheye and tabulated: 1 if the picture shows the full sphere, so that its rim is not a border.
         full_sphere: u32,
-        /// 1: the solid angle averages nine points per pixel, because the pixel's centre is not accurate enough.
+        /// 1: the solid angle is averaged over nine points per pixel, because its value at the pixel's centre is not accurate enough.
         quadrature: u32,
-        /// Fainter stars use the tent kernel, others the B-spline: illuminance over the solid angle of the star's pixel, cd/m^2.
+        /// Stars fainter than this use the tent kernel, others the B-spline. The unit is illuminance divided by the solid angle of the star's pixel,
+        /// cd/m^2.
         tent_below_cd_m2: f32,
         /// Index of the view, for counting stars.
         view: u32,
@@ -68,11 +69,11 @@ gpu_structs! {
         columns: u32,
         /// Number of rows.
         rows: u32,
-        /// Pixels from point to point; the first point lies on the top left corner of the picture.
+        /// Number of pixels from point to point. The first point lies on the top left corner of the picture.
         spacing: u32,
         /// The greatest angle from point to point, rad.
         spacing_rad: f32,
-        /// `spacing` is 2 to this power. A shift replaces a division, which CPUs do one lane at a time.
+        /// `spacing` is 2 to this power. A shift replaces a division, which CPUs compute one lane at a time.
         spacing_log2: u32,
         unused_0: u32,
         unused_1: u32,
@@ -111,7 +112,7 @@ gpu_structs! {
     }
     /// Parameters of the tone mapping.
     struct Display {
-        /// Luminance that Reinhard's operator maps to white, over display white.
+        /// Luminance that Reinhard's operator maps to white, relative to display white.
         white: f32,
         /// White of a calibrated display, cd/m^2.
         peak_cd_m2: f32,
@@ -145,16 +146,16 @@ gpu_structs! {
         present: u32,
         /// Attenuation per air mass as a power of two, linear Rec. 709.
         extinction: [f32; 3],
-        /// Air density over the reference density of refraction; 0: no refraction.
+        /// Air density relative to the reference density of refraction; 0: no refraction.
         density: f32,
     }
-    /// Diffuse light: the sky apart from single stars.
+    /// Diffuse light: the light of the sky without individual stars.
     struct DiffuseLight {
         /// Layout of the texels of light from beyond the Solar System; side 0: there is none.
         map: SkyMap,
         /// Unit vector of the observer's velocity, world axes.
         velocity: [f32; 3],
-        /// Speed over the speed of light.
+        /// Speed in units of the speed of light.
         beta: f32,
         /// Layout of the zodiacal light; side 0: it is not drawn.
         zodiacal: SkyMap,
@@ -197,7 +198,7 @@ gpu_structs! {
 }
 
 impl AirAbove {
-    /// Air around a camera; absent without a local sky or without air.
+    /// Encodes the air around a camera. It is absent without a local sky or without air.
     pub(crate) fn from_sky(sky: Option<&LocalSky>) -> Self {
         let Some((sky, air)) = sky.and_then(|sky| Some((sky, sky.air.as_ref()?))) else { return Self::default() };
         Self {

@@ -1,5 +1,4 @@
-//! Separate meters: if the exposure of a frame is not based on its own views, another picture is drawn and metered
-//! first.
+//! Separate meters. If the exposure of a frame is not based on its own views, another picture is drawn and metered first.
 //!
 //! With `spot`, that picture is a small round picture of the metered cone. With `mean`, it consists of all views of the
 //! frame's exposure group, of which the frame draws only some. The meter has its own targets and maps, so meters and
@@ -22,7 +21,7 @@ use crate::{
     view::Rig,
 };
 
-/// Number of planners of a series, and the indices of two of them: that for meters, and that for HDR images within a budget.
+/// Number of planners of a series, and the indices of two of them: the planner for meters, and the planner for HDR images within a budget.
 const SLOTS: usize = 3;
 const METER_SLOT: usize = 1;
 const HDR_STREAM_SLOT: usize = 2;
@@ -37,15 +36,15 @@ pub(super) struct MeterTargets {
 /// Exposure of a frame.
 pub(super) struct Metered {
     pub exposure: ExposureSource,
-    /// Exposure to show the frame with, if it is known.
+    /// Exposure with which the frame is displayed, if it is known.
     pub adapted_ev100: Option<f64>,
     /// Result of the meter, on the device.
     pub buffer: Option<wgpu::Buffer>,
 }
 
 impl Renderer {
-    /// Ensures planners for the series of a frame. Each series has a second one for its meters, and a third one for HDR images within a budget: they are
-    /// drawn in turn with display images, and have other maps.
+    /// Ensures that the series of a frame has planners. Each series has a second one for its meters, and a third one for HDR images within a budget,
+    /// which are drawn in turn with display images and have other maps.
     pub(super) fn keep_series(&mut self, request: &FrameRequest<'_>) -> Series {
         let [number, count] = request.series;
         self.planners.resize_with(SLOTS * count, Planner::new);
@@ -56,7 +55,7 @@ impl Renderer {
         Series { slot: SLOTS * number + own, slots: SLOTS * count }
     }
 
-    /// Finds the exposure of a frame if its own plan does not determine it.
+    /// Determines the exposure of a frame if its own plan does not.
     pub(super) fn meter_for(&mut self, request: &FrameRequest<'_>, series: Series) -> Result<Metered, RenderError> {
         let FrameRequest { scene, adapted_ev100, .. } = *request;
         let (rig, settings) = request.exposed_as.unwrap_or((request.rig, request.settings));
@@ -92,8 +91,7 @@ impl Renderer {
         let planner = &mut self.planners[series.slot];
         let mut plan = planner.plan(scene, rig, settings, adapted_ev100, outputs, &self.limits)?;
         plan.overlay = None;
-        // Pipelines that read tables can also draw pictures without tables, so a meter without tabulated pictures keeps
-        // the current pipelines.
+        // Pipelines that read tables can also draw pictures without tables, so the current pipelines are kept for a meter without tabulated pictures.
         let needed = self.tables.needed(&self.gpu, &plan.views.viewports);
         if needed != TableForm::None || self.gpu.table_form() == TableForm::None {
             self.hold_tables(&plan.views.viewports)?;

@@ -1,9 +1,8 @@
 //! Rendering: draws one snapshot of the scene in many views at once.
 //!
-//! [`Renderer::render`] plans a frame (`crate::plan`, independent of the GPU), records all phases of all techniques
-//! into one submission, waits, and reads back the requested images. [`Renderer::submit`] and [`Renderer::finish`] are
-//! its two halves, for callers with other work to do meanwhile; two frames may be in flight. A frame does not depend on
-//! the previous one, except for the exposure that the caller passes in.
+//! [`Renderer::render`] plans a frame (`crate::plan`, independent of the GPU), records all phases of all techniques into one submission, waits, and
+//! reads back the requested images. [`Renderer::submit`] and [`Renderer::finish`] are its two halves, for callers that do other work meanwhile. Two
+//! frames may be in flight. A frame does not depend on the previous one, except for the exposure that the caller passes in.
 //!
 //! Each technique has a folder, for example `stars`, `smooth_light`, `bodies`, `asteroids`, `glare` and `display`.
 //! `technique` defines their common interface, `sequence` their order, and `targets` the buffers that they share. No
@@ -85,21 +84,21 @@ pub struct Renderer {
     limits: Limits,
     /// Three planners per series of frames: for the frames, for their meters, and for HDR images within a budget.
     planners: Vec<Planner>,
-    /// Plans pictures of maps of faint light: the others keep their data for frames.
+    /// Plans pictures of maps of faint light. The other planners keep their data for frames.
     map_planner: Planner,
     techniques: Vec<Box<dyn Technique + Send>>,
     /// Impostor atlases baked in advance.
     baked: BakedImpostors,
     pipelines_ahead: PipelinesAhead,
-    /// Techniques for another form of the tables, kept from an earlier rig, with that form.
+    /// Techniques for another form of the tables, kept from an earlier rig, and that form.
     idle_techniques: Option<(TableForm, Vec<Box<dyn Technique + Send>>)>,
     targets: Targets,
-    /// Targets for drawing pictures of the map of faint light; present while some have to be drawn.
+    /// Targets for drawing pictures of the map of faint light; present as long as some must still be drawn.
     sky_targets: Option<Targets>,
     meter: MeterTargets,
     tables: MappingTables,
     frames: u64,
-    /// Frames submitted and not yet finished, the oldest first.
+    /// Frames that were submitted and are not yet finished, the oldest first.
     in_flight: VecDeque<InFlight>,
     /// Slots for future frames.
     spare_slots: Vec<FrameSlot>,
@@ -138,7 +137,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Options that open the same adapter in the same way.
+    /// Returns the options that open the same adapter in the same way.
     pub fn gpu_options(&self) -> &GpuOptions {
         self.gpu.options()
     }
@@ -172,12 +171,12 @@ impl Renderer {
         }
     }
 
-    /// Store into which another thread puts the impostor atlases that this renderer will need, so that no frame waits for them.
+    /// Returns the store into which another thread puts the impostor atlases that this renderer will need, so that no frame waits for them.
     pub fn baked_impostors(&self) -> &BakedImpostors {
         &self.baked
     }
 
-    /// The adapter in use.
+    /// Returns the adapter in use.
     pub fn adapter(&self) -> &AdapterReport {
         self.gpu.report()
     }
@@ -187,7 +186,7 @@ impl Renderer {
         &self.limits
     }
 
-    /// The device, for computations besides frames.
+    /// Returns the device, for computations besides frames.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -196,7 +195,7 @@ impl Renderer {
     ///
     /// # Errors
     ///
-    /// The first view that is too large or exceeds the maximum number of views.
+    /// A view is too large, or there are too many views. The error names the first such view.
     pub fn check(&self, rig: &Rig) -> Result<(), PlanError> {
         self.limits.check(rig)
     }
@@ -213,12 +212,12 @@ impl Renderer {
         self.spare_slots.clear();
     }
 
-    /// Uploads the tables of tabulated pictures. If they are held in another form than before, techniques
-    /// with matching pipelines replace the current ones, which are kept for later.
+    /// Uploads the tables of tabulated pictures. If their form differs from the previous one, techniques with matching pipelines replace the current
+    /// techniques, which are kept for later.
     fn hold_tables(&mut self, viewports: &[Viewport]) -> Result<(), RenderError> {
         let form = self.tables.needed(&self.gpu, viewports);
         if form != self.gpu.table_form() {
-            // Frames in flight can be read back only by the techniques that recorded them.
+            // A frame in flight can be read back only by the techniques that recorded it.
             while !self.in_flight.is_empty() {
                 self.abandon_oldest()?;
             }
@@ -235,7 +234,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Runs `step` for every technique, with the inputs for holding a scene for a series of frames.
+    /// Runs `step` for every technique, with the inputs for holding the scene of a series of frames.
     fn holding<'a>(
         &'a mut self,
         slot: usize,
@@ -251,7 +250,7 @@ impl Renderer {
     }
 }
 
-/// Every structure that Rust and the shaders share.
+/// Returns every structure that Rust and the shaders share.
 #[doc(hidden)]
 pub fn struct_layouts() -> Vec<StructLayout> {
     let layouts_of_techniques = [

@@ -61,7 +61,7 @@ fn run<T: Pod>(
     values
 }
 
-/// Runs the exposure pass on partial sums (metered illuminance, solid angle excluded from metering).
+/// Runs the exposure pass on partial sums. Each is metered illuminance, and solid angle excluded from metering.
 fn exposure_of(gpu: &Gpu, settings: &ExposureSettings, known: Option<f64>, partials: &[[f32; 2]]) -> layout::Exposure {
     let pass = ExposurePass::new();
     let found = buffer_for_results(gpu, size_of::<layout::Exposure>() as u64);
@@ -96,7 +96,7 @@ fn exposure_of_sums_matches_f64_and_ignores_nan_and_infinity() {
     broken.push([f32::NEG_INFINITY, 0.0]);
     let survived = exposure_of(&gpu, &settings, None, &broken);
     assert!((f64::from(survived.ev100) - expected).abs() < 1e-4, "{}, expected {expected}", survived.ev100);
-    // If half of the solid angle is excluded, the same light comes from the other half: one EV more.
+    // If half of the solid angle is excluded, all of the light comes from the other half: the exposure is one EV higher.
     broken.push([0.0, 6.25]);
     let half = exposure_of(&gpu, &settings, None, &broken);
     assert!((f64::from(half.ev100) - expected - 1.0).abs() < 1e-4, "{}", half.ev100);
@@ -126,7 +126,7 @@ fn viewport(size: [u32; 2]) -> Viewport {
     Rig::new(vec![view]).unwrap().viewports(DQuat::IDENTITY).remove(0)
 }
 
-/// The only tile of a viewport, and its number of pixels.
+/// Returns the only tile of a viewport, and its number of pixels.
 fn tile_of([width, height]: [u32; 2]) -> (Tile, layout::Tile, u32) {
     let tile = Tile { viewport: 0, first_row: 0, rows: height, first_pixel: 0 };
     (tile, layout::Tile { rows: height, ..Default::default() }, width * height)
@@ -208,7 +208,7 @@ fn a_non_finite_pixel_does_not_affect_the_others() {
 /// Runs the tone-mapping pass on a picture in cd/m^2 and returns its bytes.
 fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[f32; 3]], white: f32) -> Vec<[u8; 4]> {
     let (tile, encoded, pixels) = tile_of(size);
-    // As in stored pictures: zero bits of R and G would mark the pixel as dark.
+    // Stored pictures never contain zero bits of R and G for a lit pixel, since these would mark it as dark. So avoid them here.
     let red = |p: &[f32; 3]| if p[0].to_bits() == 0 && p[1].to_bits() == 0 && p[2] > 0.0 { -0.0 } else { p[0] };
     let planes: Vec<[f32; 2]> =
         picture.iter().map(|p| [red(p), p[1]]).chain(picture.iter().map(|p| [p[2], 1.0])).collect();
@@ -230,7 +230,7 @@ fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[
     })
 }
 
-/// Colours from far below black to far beyond white, including invalid values.
+/// Returns colours from far below black to far beyond white, including invalid values.
 fn colours() -> Vec<[f32; 3]> {
     let mut colours = Vec::new();
     for rgb in
@@ -244,7 +244,7 @@ fn colours() -> Vec<[f32; 3]> {
     colours
 }
 
-/// Number of bytes that differ from the twin by more than rounding explains.
+/// Returns the number of bytes that differ from the twin by more than rounding explains.
 fn differing(bytes: &[[u8; 4]], picture: &[[f32; 3]], settings: &ToneMapSettings, white: f32) -> usize {
     let mut found = 0;
     for (bytes, rgb) in bytes.iter().zip(picture) {

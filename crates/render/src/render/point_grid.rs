@@ -7,15 +7,14 @@ use crate::{
     view::Viewport,
 };
 
-/// Dispatches the current pipeline over all points of all grids: workgroups of [`VEIL_SIDE`] x [`VEIL_SIDE`] points,
-/// one layer per grid.
+/// Dispatches the current pipeline over all points of all grids, in workgroups of [`VEIL_SIDE`] x [`VEIL_SIDE`] points, one layer per grid.
 pub(crate) fn dispatch_points(pass: &mut wgpu::ComputePass<'_>, grids: &[PointGrid]) {
     let most = |side: fn(&PointGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
     pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
 }
 
-/// Creates consecutive grids over all pictures of a plan. With plain blocks, all smooth light has the grids of these blocks; otherwise the grids have
-/// the given spacing. Returns them and the total number of points.
+/// Creates consecutive grids over all pictures of a plan. If the plan has plain blocks, the grids are those of these blocks, for all smooth light.
+/// Otherwise the grids have the given spacing. Returns the grids and their total number of points.
 pub(crate) fn point_grids(plan: &Plan, spacing: GridSpacing) -> (Vec<PointGrid>, u32) {
     let viewports = &plan.views.viewports;
     match &plan.plain_blocks {

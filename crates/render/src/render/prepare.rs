@@ -1,9 +1,9 @@
 //! Creates, on all cores and before the first frame, the pipelines that the scene's objects, the rig and the settings
 //! may need.
 //!
-//! GPU drivers compile a shader when its pipeline is created, on the creating thread. Software drivers compile shaders
-//! when they first run, one after the other, on the thread of the queue. For these, compute shaders are compiled in
-//! advance on separate devices (`gpu/compile_ahead.rs`), and the others need a warm-up frame ([`Renderer::warm_up`]).
+//! GPU drivers compile a shader when its pipeline is created, on the creating thread. Software drivers compile shaders when they first run, one after
+//! the other, on the thread of the queue. For software drivers, compute shaders are compiled in advance on separate devices (`gpu/compile_ahead.rs`),
+//! and the other shaders need a warm-up frame ([`Renderer::warm_up`]).
 
 use std::{
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
@@ -89,7 +89,7 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
     });
 }
 
-/// Time that a frame spends on creating pipelines of a later scene. After a pipeline that exceeds this time, the frame creates no more of them.
+/// Time that a frame may spend on creating pipelines of a later scene. Once this time is exceeded, the frame creates no more of them.
 const SLICE: Duration = Duration::from_millis(2);
 /// If no frame has begun this long after the request, no frames are being drawn.
 const FIRST_FRAME: Duration = Duration::from_millis(200);
@@ -98,11 +98,11 @@ const IDLE: Duration = Duration::from_secs(2);
 
 /// Time without a new frame after which frames are considered at rest.
 const REST: Duration = Duration::from_secs(1);
-/// Longest time to wait for such a rest.
+/// Longest time to wait until frames are at rest.
 const LONGEST_DELAY: Duration = Duration::from_secs(30);
 
-/// Pipelines that a later scene needs. The renderer creates a few of them with each earlier frame, and those that take long on another thread. Clones
-/// share the content.
+/// Pipelines that a later scene needs. The renderer creates a few of them with each earlier frame, and creates those that take long on another
+/// thread. Clones share the content.
 #[derive(Clone)]
 pub struct PipelinesAhead(Arc<dyn Opaque>);
 
@@ -122,8 +122,8 @@ impl ShadersAhead {
     }
 }
 
-/// Hides the content from the compiler. Otherwise the compiler would search all types of the GPU library in each asynchronous call that holds the
-/// pipelines, to see whether threads may share them: checking the daemon's crate then took 90 s longer.
+/// Hides the content from the compiler. Otherwise, in each asynchronous call that holds the pipelines, the compiler would search all types of the GPU
+/// library to see whether threads may share them. That made the check of the daemon's crate 90 s longer.
 trait Opaque: Send + Sync {
     fn content(&self) -> &AheadShared;
 }
@@ -144,7 +144,7 @@ struct AheadShared {
 #[derive(Default)]
 struct AheadState {
     wanted: Option<WantedPipelines>,
-    /// Thread that creates one of them while frames are drawn.
+    /// Thread that creates one of the pipelines while frames are drawn.
     beside: Option<JoinHandle<()>>,
     /// Start of the last frame.
     last_frame: Option<Instant>,
@@ -160,7 +160,7 @@ impl Drop for AheadState {
 }
 
 impl AheadState {
-    /// Waits for the thread, if there is one. A pipeline that it could not create is created by the frame that needs it.
+    /// Waits for the thread, if there is one. If it could not create a pipeline, the frame that needs the pipeline creates it.
     fn join_beside(&mut self) {
         if let Some(thread) = self.beside.take()
             && thread.join().is_err()
@@ -190,7 +190,7 @@ impl PipelinesAhead {
         self.state().wanted = Some(WantedPipelines { objects, groups: groups.into(), since: Instant::now(), done: 0 });
     }
 
-    /// Starts again, because the renderer's device was lost together with its pipelines.
+    /// Starts again, because the renderer lost its device and the pipelines with it.
     pub(super) fn begin_again(&self) {
         if let Some(wanted) = &mut self.state().wanted {
             wanted.done = 0;
@@ -202,8 +202,8 @@ impl PipelinesAhead {
         self.state().wanted.is_none()
     }
 
-    /// Compiles the shaders of the pipelines that frames have created, if the driver compiles shaders when they first run. Takes up to a minute with
-    /// an empty cache of the driver; frames continue meanwhile.
+    /// Compiles the shaders of the pipelines that frames have created, if the driver compiles shaders when they first run. If the cache of the driver
+    /// is empty, this takes up to a minute. Frames continue meanwhile.
     pub fn compile(&self) {
         if let Some(shaders) = self.take_shaders() {
             shaders.compile();
@@ -215,7 +215,7 @@ impl PipelinesAhead {
         self.state().shaders.take().map(ShadersAhead)
     }
 
-    /// Waits until no frame has begun for a second, at most for half a minute: on a software driver frames and compiling share the cores.
+    /// Waits until no frame has begun for a second, but at most for half a minute. On a software driver, frames and compiling share the cores.
     pub fn wait_for_rest(&self) {
         let begun = Instant::now();
         let rests = || self.state().last_frame.is_none_or(|frame| frame.elapsed() > REST);
@@ -237,19 +237,19 @@ impl PipelinesAhead {
     }
 }
 
-/// Runs `make` on another thread. If none can be started, the frame that needs the pipeline creates it.
+/// Runs `make` on another thread. If no thread can be started, the frame that needs the pipeline creates it.
 fn beside_frames(make: Box<dyn FnOnce() + Send>) -> Option<JoinHandle<()>> {
     let thread = thread::Builder::new().name("pipelines".to_owned()).spawn(make);
     thread.inspect_err(|error| tracing::warn!(%error, "no thread can be started to create a pipeline")).ok()
 }
 
 impl Renderer {
-    /// The pipelines that a later scene needs; see [`PipelinesAhead`].
+    /// Returns the pipelines that a later scene needs; see [`PipelinesAhead`].
     pub fn pipelines_ahead(&self) -> &PipelinesAhead {
         &self.pipelines_ahead
     }
 
-    /// Jobs that create the pipelines of pictures. `formats`: formats of the textures that the images of frames will be drawn into.
+    /// Returns the jobs that create the pipelines of pictures. `formats`: formats of the textures that the images of frames will be drawn into.
     fn jobs<'a>(
         &'a self,
         objects: &'a SceneObjects,
@@ -313,9 +313,9 @@ impl Renderer {
         self.pipelines_ahead.0.content().created.notify_all();
     }
 
-    /// Creates, on all cores, the pipelines for frames of these objects, views and settings. `wanted` states which
-    /// images of any view will be read back, `formats` the formats of textures that images will be drawn into. Frames
-    /// create missing pipelines themselves; after this call none are missing.
+    /// Creates, on all cores, the pipelines for frames of these objects, views and settings. `wanted` states which images of any view will be read
+    /// back, `formats` the formats of textures that images will be drawn into. A frame creates missing pipelines itself; after this call none are
+    /// missing.
     ///
     /// # Errors
     ///
@@ -337,7 +337,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Creates the pipelines for more images of these views, after those of the first frame. A software driver compiles their shaders in
+    /// Creates the pipelines for further images of these views, in addition to those of the first frame. A software driver compiles their shaders in
     /// [`PipelinesAhead::compile`], which may run while frames are drawn.
     ///
     /// # Errors

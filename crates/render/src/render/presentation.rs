@@ -12,7 +12,7 @@ pub(crate) enum PresentSource {
     Light,
 }
 
-/// Values for a texture of the given format; `None` if images cannot be drawn into it.
+/// Returns the values for a texture of the given format; `None` if images cannot be drawn into it.
 pub(crate) fn present_source(format: wgpu::TextureFormat) -> Option<PresentSource> {
     match format {
         wgpu::TextureFormat::Rgba8UnormSrgb | wgpu::TextureFormat::Bgra8UnormSrgb => Some(PresentSource::Codes),

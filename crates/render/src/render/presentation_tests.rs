@@ -33,7 +33,7 @@ const SIZES: [[u32; 2]; 2] = [[96, 84], [72, 64]];
 const BYTES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 const SWAPPED_BYTES: wgpu::TextureFormat = wgpu::TextureFormat::Bgra8UnormSrgb;
 const HALVES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-/// Limits bindings to so few pixels that the eyes are drawn in several batches, one of which holds tiles of both.
+/// Limits bindings to so few pixels that the eyes are drawn in several batches. One of the batches holds tiles of both eyes.
 const STRIPS: u64 = 96 * 25 * BYTES_PER_PIXEL;
 
 fn gpu(binding_limit_bytes: Option<u64>) -> Gpu {
@@ -45,7 +45,7 @@ fn renderer() -> Renderer {
     Renderer::new(gpu(None))
 }
 
-/// Two eyes that differ in size, asymmetric field of view, orientation and position.
+/// Returns two eyes that differ in size, asymmetric field of view, orientation and position.
 fn headset() -> Rig {
     let fov = Fov { left_rad: -0.86, right_rad: 0.71, up_rad: 0.74, down_rad: -0.69 };
     let eye = |size: [u32; 2], fov: Fov, turn: DQuat, x: f64| Eye {
@@ -75,7 +75,7 @@ fn scene(stars: Vec<StarRecord>) -> SceneSnapshot {
     }
 }
 
-/// Stars of all colours and magnitudes over the whole sky, rotated by an angle.
+/// Returns stars of all colours and magnitudes over the whole sky, rotated by an angle.
 fn sky(turn_rad: f64) -> SceneSnapshot {
     let count = 3000;
     let turn = DQuat::from_rotation_y(turn_rad);
@@ -120,14 +120,14 @@ fn texels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
     read_layer(gpu, texture, 1).unwrap()
 }
 
-/// Value of a finite, non-negative half float.
+/// Returns the value of a finite, non-negative half float.
 fn value_of_half(bits: u16) -> f64 {
     assert!(bits < 0x7c00, "{bits:#x} is not a finite, non-negative half float");
     let (exponent, mantissa) = (i32::from(bits >> 10), f64::from(bits & 1023));
     if exponent == 0 { mantissa * 2f64.powi(-24) } else { (1024.0 + mantissa) * 2f64.powi(exponent - 25) }
 }
 
-/// Linear R, G, B of a texture of half floats; asserts that alpha is 1.
+/// Returns linear R, G, B of a texture of half floats; asserts that alpha is 1.
 fn light_of(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<[f64; 3]> {
     let bytes = texels(gpu, texture);
     let halves: Vec<f64> =
@@ -142,7 +142,7 @@ fn light_of(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Draws a frame of both eyes into textures of one format, without readback of images.
+/// Draws a frame of both eyes into textures of one format, without reading images back.
 fn presented(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,
@@ -192,8 +192,8 @@ fn assert_same_bytes(renderer: &Renderer, textures: &[wgpu::Texture], images: &[
     }
 }
 
-/// Number of pixels of a half-float texture that differ from the tone-mapped HDR image by more than rounding to the
-/// nearest half.
+/// Returns the number of pixels of a half-float texture that differ from the tone-mapped HDR image by more than the rounding to the nearest half
+/// float.
 fn halves_off(light: &[[f64; 3]], image: &FrameImage, tone_map: &ToneMapSettings, ev100: f64) -> usize {
     let white = white_luminance_cd_m2(ev100);
     let hdr = image.hdr.as_ref().unwrap();
@@ -213,7 +213,7 @@ fn halves_off(light: &[[f64; 3]], image: &FrameImage, tone_map: &ToneMapSettings
         .count()
 }
 
-/// Settings with exposures known in advance or not, each with and without glare.
+/// Returns settings with exposures known in advance or not, each with and without glare.
 fn exposures_and_glares(settings: &RenderSettings) -> Vec<(RenderSettings, Option<f64>)> {
     let mut manual = settings.clone();
     manual.exposure = ExposureSettings::manual(-9.0);
@@ -273,7 +273,7 @@ fn every_code_of_every_channel_is_presented_unchanged() {
         codes.dedup();
         assert_eq!(codes.len(), 256);
     }
-    // A tile that begins a pixel too late is detected, and so is a missing tile.
+    // The test detects a tile that begins a pixel too late, and a missing tile.
     let late = [Tile { first_pixel: 6, ..tiles[0] }, tiles[1]];
     assert!(drawn(BYTES, &late) != expected);
     assert!(drawn(BYTES, &tiles[..1]) != expected);
@@ -295,7 +295,7 @@ fn byte_textures_match_display_images_for_all_operators_whole_and_tiled() {
     assert_byte_textures_match_display_images(&[(None, all), (Some(STRIPS), all)]);
 }
 
-/// `cases`: limit of a binding's size in bytes, and the operators to test with it.
+/// `cases`: limits of a binding's size in bytes, each with the operators to test.
 fn assert_byte_textures_match_display_images(cases: &[(Option<u64>, &[ToneMapOperator])]) {
     let pixels = STRIPS / BYTES_PER_PIXEL;
     let tiled = batches(&SIZES, pixels);
@@ -365,7 +365,7 @@ fn assert_half_float_textures_match_tone_mapped_light(cases: &[HalvesCase<'_>]) 
                     let light = light_of(renderer.gpu(), texture);
                     let off = halves_off(&light, image, &tone_map, frame.exposure_ev100);
                     assert_eq!(off, 0, "{operator:?}, {desaturation}, {scotopic}, {adapted:?}, {limit:?}");
-                    // Another operator, another exposure and truncated halves are detected.
+                    // The test detects another operator, another exposure and truncated half floats.
                     let other =
                         if operator == ToneMapOperator::Aces { ToneMapOperator::Srgb } else { ToneMapOperator::Aces };
                     let other = ToneMapSettings { operator: other, ..tone_map };
@@ -389,7 +389,7 @@ fn every_star_method_is_presented_with_and_without_glare() {
     let mut renderer = Renderer::new(gpu(Some(STRIPS)));
     for method in StarMethod::ALL {
         for (settings, adapted) in exposures_and_glares(&settings(method)) {
-            // With an exposure unknown in advance, all methods except `auto` share one code path.
+            // If the exposure is not known in advance, all methods except `auto` share one code path.
             if settings.exposure.mode() == ExposureMode::Manual && method != StarMethod::Auto {
                 continue;
             }
@@ -489,7 +489,7 @@ fn both_eyes_show_the_light_of_stars() {
     let white = white_luminance_cd_m2(-5.0);
     let (_, textures) = presented(&mut renderer, &scene, &settings, None, HALVES);
     let viewports = rig.viewports(DQuat::IDENTITY);
-    // Greatest relative error of a star's light, with the eye rotated by an angle.
+    // Returns the greatest relative error of a star's light, with the eye rotated by an angle.
     let worst = |eye: usize, turn_rad: f64| {
         let pixels = light_of(renderer.gpu(), &textures[eye]);
         assert!(pixels.iter().flatten().all(|channel| *channel < 1.0), "no channel is clipped");
@@ -508,7 +508,7 @@ fn both_eyes_show_the_light_of_stars() {
         println!("eye {eye}: greatest error of the light of {} stars {error:.1e}", stars.len());
         assert!(error < 1e-3, "{error}");
         let turned = worst(eye, 0.08);
-        assert!(turned > 0.1, "a rotated eye must not match: {turned}");
+        assert!(turned > 0.1, "a rotated eye must not have the same image: {turned}");
     }
 }
 
@@ -554,14 +554,14 @@ fn submitted_and_finished_frames_match_rendered_frames_in_any_order() {
     let submit = |renderer: &mut Renderer, index: usize| {
         renderer.submit(FrameRequest::new(&scenes[index], &rig).settings(&settings).wanted(wanted)).unwrap()
     };
-    // Two frames are in flight. They can be finished in any order, and holding a scene does not disturb them.
+    // Two frames are in flight. They can be finished in any order, and a call of `hold` for a scene does not disturb them.
     let [first, second] = [1, 3].map(|index| submit(&mut renderer, index));
     renderer.hold(&scenes[0], &settings).unwrap();
     same(&renderer.finish(first).unwrap(), &expected[1]);
     let third = submit(&mut renderer, 0);
     same(&renderer.finish(third).unwrap(), &expected[0]);
     same(&renderer.finish(second).unwrap(), &expected[3]);
-    // A dropped frame is discarded. A frame followed by two newer ones cannot be finished any more.
+    // A frame that is dropped is discarded. A frame cannot be finished any more after two newer ones were submitted.
     drop(submit(&mut renderer, 0));
     let [overtaken, second, third] = [1, 3, 0].map(|index| submit(&mut renderer, index));
     assert!(matches!(renderer.finish(overtaken), Err(RenderError::Abandoned)));
@@ -571,8 +571,7 @@ fn submitted_and_finished_frames_match_rendered_frames_in_any_order() {
         &renderer.render(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap(),
         &expected[0],
     );
-    // A request refused before submission leaves the frame in flight, and a frame of another renderer is not confused
-    // with it.
+    // A request that is refused before submission does not affect the frame in flight. A renderer does not accept a frame of another renderer.
     let submitted = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
     let refused = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted_per_view(&[])).err();
     assert!(matches!(refused, Some(RenderError::WantedCount { given: 0, views: 1 })));
@@ -608,8 +607,7 @@ fn unsupported_textures_are_refused_with_a_specific_message() {
     assert!(message.contains("96 x 84") && message.contains("72 x 64"), "{message}");
     let message = refused(2, SIZES[0], BYTES);
     assert!(message.contains("image 2") && message.contains("2 images"), "{message}");
-    // A mismatch between the declared and the actual format is rejected by the driver; the error affects only its
-    // frame.
+    // The driver rejects a declared format that differs from the actual one. The error affects only that frame.
     let (_texture, view) = target(renderer.gpu(), SIZES[0], BYTES);
     let presentations = [Presentation { viewport: 0, target: &view, format: HALVES }];
     // A frame that is still being drawn is not affected.

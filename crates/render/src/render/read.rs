@@ -19,7 +19,7 @@ pub(crate) struct Places {
     /// Counts of techniques: name, position and number of words.
     pub counts: Vec<(&'static str, ReadbackPlace, usize)>,
     ticks: Option<ReadbackPlace>,
-    /// Tiles of all viewports, in order of rows, with the positions of their display and HDR rows.
+    /// Tiles of all viewports in order of rows, with the positions of their rows of the display image and the HDR image.
     tiles: Vec<TilePlace>,
 }
 
@@ -27,7 +27,7 @@ struct TilePlace {
     viewport: usize,
     pixels: usize,
     display: Option<ReadbackPlace>,
-    /// Planes of R and G, and of B and the solid angle.
+    /// The two planes of a row: R and G, and B and the solid angle.
     hdr: Option<[ReadbackPlace; 2]>,
 }
 
@@ -46,7 +46,7 @@ impl Places {
     }
 }
 
-/// Size of images, counters and exposure in the readback buffer, including alignment.
+/// Returns the size of images, counters and exposure in the readback buffer, including alignment.
 pub(super) fn bytes(frame: &FrameInputs<'_>, targets: &Targets) -> u64 {
     let mut needed = 1024 + 16 * targets.counter_count as u64;
     for viewport in &frame.plan.views.viewports {
@@ -170,8 +170,8 @@ impl Renderer {
     }
 }
 
-/// Computes the statistics of each view. GPU time of the star pass is shared in proportion to stars drawn, that of
-/// passes over pixels in proportion to pixels.
+/// Computes the statistics of each view. The GPU time of the star pass is divided in proportion to the stars drawn, that of passes over pixels in
+/// proportion to the pixels.
 fn statistics(
     plan: &Plan,
     names: &[String],

@@ -1,4 +1,4 @@
-//! Requests of frames: the scene, the views, and options.
+//! Requests for frames: the scene, the views, and options.
 
 use std::{borrow::Cow, sync::LazyLock};
 
@@ -11,13 +11,13 @@ use crate::{
     view::Rig,
 };
 
-/// Settings of frames that specify none.
+/// Settings of frames that do not set any.
 static DEFAULT_SETTINGS: LazyLock<RenderSettings> = LazyLock::new(RenderSettings::default);
 
 /// One frame of all views of a rig, for [`Renderer::render`] and [`Renderer::submit`].
 ///
-/// Without options, the frame is drawn with the default [`RenderSettings`], the display image of every view is read
-/// back, and automatic exposure corresponds to a fully adapted eye.
+/// Without options, the frame is drawn with the default [`RenderSettings`], the display image of every view is read back, and automatic exposure is
+/// that of a fully adapted eye.
 ///
 /// ```
 /// # use steradian_render::{render::{FrameRequest, Wanted}, scene::SceneSnapshot, view::Rig};
@@ -43,7 +43,7 @@ pub struct FrameRequest<'a> {
     pub(super) exposed_as: Option<(&'a Rig, &'a RenderSettings)>,
 }
 
-/// Behaviour of a frame that may read a map of faint light if the map does not exist yet.
+/// What a frame does if it may read a map of faint light and the map does not exist yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SkyMapUse {
     /// Draw the whole map first.
@@ -78,9 +78,8 @@ impl<'a> FrameRequest<'a> {
         }
     }
 
-    /// Requests the display images of one group of views of a rig, as made by
-    /// [`frame_groups`](crate::plan::view_settings::frame_groups). The renderer keeps separate maps of glare and of
-    /// faint stars for each group, so that groups can be drawn in turn.
+    /// Requests the display images of one group of views of a rig, as made by [`frame_groups`](crate::plan::view_settings::frame_groups). The
+    /// renderer keeps separate maps of glare and of faint stars for each group, so that the groups can be drawn in turn.
     ///
     /// # Panics
     ///
@@ -102,8 +101,8 @@ impl<'a> FrameRequest<'a> {
         Self { wanted: WantedViews::Every(wanted), ..self }
     }
 
-    /// Sets the buffers to read back for each view, in the order of the rig. The frame is refused with
-    /// [`RenderError::WantedCount`] if their number differs from the number of views.
+    /// Sets the buffers to read back for each view, in the order of the rig. If the number of entries differs from the number of views, the frame is
+    /// refused with [`RenderError::WantedCount`].
     pub fn wanted_per_view(self, wanted: &'a [Wanted]) -> Self {
         Self { wanted: WantedViews::Each(wanted), ..self }
     }
@@ -118,7 +117,7 @@ impl<'a> FrameRequest<'a> {
         Self { presentations, ..self }
     }
 
-    /// Sets the behaviour if display images may read a map of faint light and the map does not exist yet.
+    /// Sets what the frame does if display images may read a map of faint light and the map does not exist yet.
     pub fn sky_map(self, sky_map: SkyMapUse) -> Self {
         Self { sky_map, ..self }
     }
@@ -143,14 +142,13 @@ impl<'a> FrameRequest<'a> {
         self.adapted_ev100
     }
 
-    /// Draws within the error budget of the given output, whichever images are read back, to measure the cost of a
-    /// budget.
+    /// Draws within the error budget of the given output, regardless of the images that are read back. This serves to measure the cost of a budget.
     #[doc(hidden)]
     pub fn drawn_for(self, output: Output) -> Self {
         Self { output: Some(output), ..self }
     }
 
-    /// Output that determines the frame's error budget.
+    /// Returns the output that determines the frame's error budget.
     pub(super) fn output(&self) -> Output {
         if let Some(output) = self.output {
             return output;
@@ -167,7 +165,7 @@ impl<'a> FrameRequest<'a> {
         }
     }
 
-    /// Buffers to read back from a frame of display images and from one of HDR images, if these must be two frames.
+    /// Returns the buffers to read back from a frame of display images and from a frame of HDR images, if two separate frames are needed.
     pub(super) fn outputs(&self) -> Option<[Vec<Wanted>; 2]> {
         let wanted = self.given_views();
         let apart = self.output.is_none() && self.presentations.is_empty() && {
@@ -182,7 +180,7 @@ impl<'a> FrameRequest<'a> {
         })
     }
 
-    /// Buffers to read back for each view, as given.
+    /// Returns the buffers to read back for each view, as given.
     fn given_views(&self) -> Cow<'a, [Wanted]> {
         match self.wanted {
             WantedViews::Every(wanted) => Cow::Owned(vec![wanted; self.rig.views().len()]),
@@ -190,7 +188,8 @@ impl<'a> FrameRequest<'a> {
         }
     }
 
-    /// Buffers to read back for each view. HDR images for streams are listed as HDR images; [`Self::output`] contains their budget.
+    /// Returns the buffers to read back for each view. HDR images for streams are listed like other HDR images; [`Self::output`] contains their error
+    /// budget.
     pub fn wanted_views(&self) -> Vec<Wanted> {
         let reads = |wanted: &Wanted| Wanted { hdr: wanted.reads_hdr(), hdr_streamed: false, ..*wanted };
         self.given_views().iter().map(reads).collect()

@@ -31,7 +31,8 @@ pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Techn
     ]
 }
 
-/// Phases of a frame in order: visible objects and smooth light, then surfaces tile by tile, then light batch by batch, then the rest for all batches at once.
+/// Returns the phases of a frame in order: visible objects and smooth light, then surfaces tile by tile, then light batch by batch, then the rest for
+/// all batches at once.
 fn phases(plan: &Plan) -> Vec<Phase> {
     let mut phases = vec![Phase::Cull, Phase::Points];
     for (number, batch) in plan.views.batches.iter().enumerate() {

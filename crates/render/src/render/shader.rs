@@ -42,7 +42,7 @@ fn shader_folder() -> Option<PathBuf> {
     std::env::var_os(SHADER_FOLDER_VARIABLE).filter(|folder| !folder.is_empty()).map(PathBuf::from)
 }
 
-/// The folder in [`SHADER_FOLDER_VARIABLE`], if any, after reading and checking its files.
+/// Reads and checks the files of the folder in [`SHADER_FOLDER_VARIABLE`]. Returns the folder, or `None` if the variable is not set.
 ///
 /// # Errors
 ///
@@ -67,7 +67,7 @@ impl fmt::Display for Shader {
 }
 
 impl Shader {
-    /// The shader of `shaders/{file}.wgsl`.
+    /// Returns the shader of `shaders/{file}.wgsl`.
     pub fn new(file: &str) -> Self {
         Self { file: file.to_owned(), choices: Choices::new() }
     }
@@ -79,7 +79,7 @@ impl Shader {
         self
     }
 
-    /// Text of the file and of all its imports. An entry point is not required.
+    /// Returns the text of the file and of all its imports. An entry point is not required.
     pub fn text(&self) -> Result<String, ShaderError> {
         Ok(self.join()?.text)
     }
@@ -106,26 +106,25 @@ impl Shader {
     ///
     /// # Panics
     ///
-    /// If there is no such shader, which is an error of the program: files and choices do not depend on input, except in development
+    /// There is no such shader. This is an error of the program: files and choices do not depend on input, except in development
     /// ([`checked_shader_folder`]).
     pub fn source(&self) -> ShaderSource {
         self.resolve().unwrap_or_else(|error| panic!("shader {self}: {error}"))
     }
 }
 
-/// Overridable constant that keeps short loops rolled on software drivers, which need seconds to compile unrolled
-/// loops.
+/// Returns the overridable constant that keeps short loops as loops on software drivers, which need seconds to compile unrolled loops.
 pub(crate) fn rolled_loops(gpu: &Gpu) -> (&'static str, f64) {
     ("ROLLED", f64::from(u8::from(gpu.software)))
 }
 
-/// Workgroup size that depends on the adapter. On a GPU it is one or two waves. A software driver runs a workgroup as a
-/// loop of SIMD steps and repeats uniform work in each step, so there the size is a single step.
+/// Returns the workgroup size that depends on the adapter. On a GPU it is one or two waves. A software driver runs a workgroup as a loop of SIMD
+/// steps and repeats uniform work in each step, so there the size is a single step.
 pub(crate) fn workgroup(gpu: &Gpu) -> u32 {
     if gpu.software { 8 } else { 64 }
 }
 
-/// Overridable constant for shaders with this workgroup size.
+/// Returns the overridable constant for shaders with this workgroup size.
 pub(crate) fn workgroup_constant(gpu: &Gpu) -> (&'static str, f64) {
     ("WORKGROUP", f64::from(workgroup(gpu)))
 }

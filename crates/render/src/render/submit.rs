@@ -1,5 +1,5 @@
-//! Frames in two halves: [`Renderer::submit`] plans, records and submits the commands, [`Renderer::finish`] waits for
-//! them and reads back. [`Renderer::render`] does both.
+//! Frames in two halves: [`Renderer::submit`] plans, records and submits the commands; [`Renderer::finish`] waits for them and reads the results
+//! back. [`Renderer::render`] does both.
 //!
 //! Two frames may be in flight: the next one is planned and recorded while the device draws the previous one. They
 //! share buffers on the device: writes and submissions are executed in the order of the calls, and each frame copies
@@ -81,8 +81,7 @@ pub(super) struct InFlight {
 }
 
 impl InFlight {
-    /// Waits for at most `timeout`, and in total at most for [`SUBMISSION_TIMEOUT`]. Returns whether the wait has
-    /// ended.
+    /// Waits for at most `timeout`, and for at most [`SUBMISSION_TIMEOUT`] in total. Returns whether the wait has ended.
     fn wait(&mut self, gpu: &Gpu, timeout: Duration) -> bool {
         if self.done.is_none() {
             let start = Instant::now();
@@ -99,7 +98,7 @@ impl InFlight {
         self.done.is_some()
     }
 
-    /// Waits for the frame. Returns an error that the device has reported meanwhile.
+    /// Waits for the frame. If the device has reported an error meanwhile, returns that error.
     fn wait_to_the_end(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
         while !self.wait(gpu, SUBMISSION_TIMEOUT) {}
         Ok(self.done.take().unwrap_or(Ok(()))?)
@@ -107,13 +106,13 @@ impl InFlight {
 }
 
 impl Renderer {
-    /// Draws all views of a rig and waits for them. Display images and HDR images are drawn separately, each within its
-    /// own error budget, so requesting both at once changes neither.
+    /// Draws all views of a rig and waits for them. Display images and HDR images are drawn separately, each within its own error budget. So neither
+    /// changes if both are requested at once.
     pub fn render(&mut self, request: FrameRequest<'_>) -> Result<Frame, RenderError> {
         let Some([display, exact]) = request.outputs() else { return self.render_at_once(request) };
         let display = self.render_at_once(request.wanted_per_view(&display))?;
         let exact = self.render_at_once(request.wanted_per_view(&exact))?;
-        // For the caller, both count as one frame.
+        // For the caller, the two count as one frame.
         self.frames -= 1;
         Ok(display.with_hdr_of(exact))
     }
@@ -123,10 +122,9 @@ impl Renderer {
         self.finish(submitted)
     }
 
-    /// Checks and uploads everything for a frame that does not depend on the positions and directions of the eyes:
-    /// stars, asteroid fields, kernels and point-spread functions, and the glare map for views like those of the last
-    /// frame. [`Renderer::submit`] does the same, but then takes no time for data already uploaded. So call this before
-    /// asking for the poses of a headset.
+    /// Checks and uploads everything for a frame that does not depend on the positions and directions of the eyes: stars, asteroid fields, kernels
+    /// and point-spread functions, and the glare map for views like those of the last frame. [`Renderer::submit`] does the same, but takes no time
+    /// for data that is already uploaded. Therefore call this before you request the poses of a headset.
     ///
     /// Frames in flight are not disturbed.
     pub fn hold(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
@@ -161,9 +159,9 @@ impl Renderer {
     /// are requested, the display images of the same frame are drawn with the same accuracy. With `spot` metering and
     /// without an exposure to adapt from, this waits for the meter's small picture.
     ///
-    /// Two frames may be in flight; finish them in the order of their submission. If two are in flight already, this
-    /// waits for the older one and discards it; finishing that frame returns [`RenderError::Abandoned`]. If the device
-    /// failed in it, this returns the error.
+    /// Two frames may be in flight; finish them in the order of their submission. If two are in flight already, this waits for the older one and
+    /// discards it. A later call of `finish` for that frame returns [`RenderError::Abandoned`]. If the device failed while it drew that frame, this
+    /// returns the error.
     ///
     /// # Errors
     ///
@@ -182,13 +180,13 @@ impl Renderer {
         if self.in_flight.len() >= MOST_IN_FLIGHT {
             self.abandon_oldest()?;
         }
-        // For a later scene: upload a layer of an atlas, and create a few pipelines.
+        // Work for a later scene: upload a layer of an atlas, and create a few pipelines.
         self.baked.upload_one(&self.gpu);
         self.create_some_ahead();
         // Plan the frame. Its exposure may need a meter.
         let series = self.keep_series(&request);
         let views: Vec<bool> = wanted.iter().map(|wanted| *wanted != Wanted::default()).collect();
-        // Presentations refer to viewports of the whole rig, so then all views are drawn.
+        // Presentations refer to viewports of the whole rig, so all views are drawn if there are presentations.
         let some = presentations.is_empty() && views.contains(&true);
         let sky = if request.sky_map == SkyMapUse::Off { SkyUse::StarByStar } else { SkyUse::Map };
         let Metered { exposure, adapted_ev100, buffer: metered } = self.meter_for(&request, series)?;
@@ -224,8 +222,7 @@ impl Renderer {
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
         let submission = self.gpu.queue.submit([commands]);
         slot.readback.map(&self.gpu);
-        // The driver reports errors of a submission at once, so an error belongs to this frame, not to an earlier one
-        // in flight.
+        // The driver reports errors of a submission at once, so the error belongs to this frame and not to an earlier one that is in flight.
         self.check_driver_errors()?;
         let token = Arc::new(());
         self.in_flight.push_back(InFlight {
@@ -285,14 +282,14 @@ impl Renderer {
                 plan.state_missing_stars(state.lack);
             }
         }
-        // New pieces come into view again and again.
+        // New pieces come into view continually.
         if is_whole && is_drawn {
             self.sky_targets = None;
         }
         Ok(is_drawn)
     }
 
-    /// Draws pictures of the map. Those of the whole sky are not drawn before all of their stars have been read.
+    /// Draws pictures of the map. Pictures of the whole sky are drawn only after all of their stars have been read.
     fn draw_sky_part(
         &mut self,
         part: &SkyPart,
@@ -421,7 +418,7 @@ impl Renderer {
 }
 
 /// Plans a frame. If the frame waits for the stars of a deep store, this reads the missing ones and plans the frame again. The new plan may need
-/// other stars: with all bright stars in memory, a map of faint light may turn out not to be worth its cost.
+/// other stars: once all bright stars are in memory, a map of faint light may turn out not to be worth its cost.
 fn plan_with_stars(
     (planner, limits): (&mut Planner, &Limits),
     waits: bool,
@@ -431,7 +428,7 @@ fn plan_with_stars(
     for _ in 0..MOST_PLANS {
         let deep = &plan.stars.deep;
         let Some(sky) = deep.sky.as_ref().filter(|_| waits && !deep.missing.is_empty()) else { break };
-        // The next plan refuses damaged pages, unless the settings skip it.
+        // The next plan reports damaged pages as an error, unless the settings skip them.
         if let Err(error) = sky.load(&deep.missing) {
             tracing::debug!("the frame lacks stars: {error}");
         }

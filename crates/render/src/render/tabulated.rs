@@ -1,9 +1,8 @@
 //! Tables of tabulated projections on the adapter: the tables of a rig are in one buffer or one texture
 //! ([`crate::plan::tables`]), bound by every pass that projects.
 //!
-//! A shader supports tables only if it is built with them (`shaders/shared/tabulated.wgsl` instead of
-//! `tabulated_off.wgsl`). Rigs without tabulated pictures use shaders without tables, so a renderer has one set of
-//! pipelines for each kind of rig.
+//! A shader supports tables only if it is built with `shaders/shared/tabulated.wgsl` instead of `tabulated_off.wgsl`. Rigs without tabulated pictures
+//! use shaders without tables, so a renderer has one set of pipelines for each kind of rig.
 
 use std::sync::Arc;
 
@@ -33,7 +32,7 @@ pub(super) fn with_tables(shader: Shader, form: TableForm) -> Shader {
     }
 }
 
-/// A shader that projects, built for the current tables of the device.
+/// Returns a shader that projects, built for the current tables of the device.
 pub(crate) fn projecting(gpu: &Gpu, file: &str) -> Shader {
     with_tables(Shader::new(file), gpu.table_form())
 }
@@ -45,7 +44,7 @@ fn table_of(viewport: &Viewport) -> Option<&Arc<TabulatedMapping>> {
     }
 }
 
-/// Distinct tables of the viewports.
+/// Returns the distinct tables of the viewports.
 fn tables_of(viewports: &[Viewport]) -> Vec<&Arc<TabulatedMapping>> {
     let mut tables: Vec<&Arc<TabulatedMapping>> = Vec::new();
     for table in viewports.iter().filter_map(table_of) {
@@ -56,7 +55,7 @@ fn tables_of(viewports: &[Viewport]) -> Vec<&Arc<TabulatedMapping>> {
     tables
 }
 
-/// Form of tables on this adapter.
+/// Returns the form of tables on this adapter.
 pub(super) fn form_of(gpu: &Gpu, tables: &[&Arc<TabulatedMapping>]) -> TableForm {
     table_form(tables.iter().map(|table| table.bytes()).sum(), gpu.table_buffer_bytes())
 }
@@ -69,8 +68,7 @@ pub(crate) struct MappingTables {
 }
 
 impl MappingTables {
-    /// Sets the tables of these viewports for the passes, and uploads them if necessary. Without tables, passes read
-    /// none.
+    /// Sets the tables of these viewports for the passes, and uploads them if necessary. If there are none, passes read no tables.
     pub(crate) fn hold(&mut self, gpu: &mut Gpu, viewports: &[Viewport]) {
         let wanted = tables_of(viewports);
         if wanted.is_empty() {
@@ -90,7 +88,7 @@ impl MappingTables {
         gpu.set_tables(self.tables.clone());
     }
 
-    /// Form of the tables of these viewports.
+    /// Returns the form of the tables of these viewports.
     pub(crate) fn needed(&self, gpu: &Gpu, viewports: &[Viewport]) -> TableForm {
         let wanted = tables_of(viewports);
         // Tables already on the device keep their form.
@@ -111,7 +109,7 @@ impl MappingTables {
         self.held.iter().find(|(held, _)| held == table).map(|(_, first)| *first)
     }
 
-    /// Index of the first group of words of a viewport's table; `None` if the viewport is not tabulated.
+    /// Returns the index of the first group of words of a viewport's table; `None` if the viewport is not tabulated.
     pub(crate) fn first_group(&self, viewport: &Viewport) -> Option<u32> {
         self.first_of(table_of(viewport)?)
     }

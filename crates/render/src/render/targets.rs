@@ -1,4 +1,4 @@
-//! Shared by techniques in a frame: the buffers of every batch of tiles, surfaces that hide stars, and their bindings.
+//! Data that techniques share in a frame: the buffers of every batch of tiles, surfaces that hide stars, and their bindings.
 //!
 //! The buffer `pixels` of a batch has two planes of half a pixel each: first sums of light, then, after the resolve
 //! pass, luminance and solid angle. The display image has a separate buffer. [`Targets::begin`] allocates the buffers
@@ -78,7 +78,7 @@ pub(crate) struct BatchTargets {
     pub pixels: wgpu::Buffer,
     /// High words of the sums.
     pub high_words: wgpu::Buffer,
-    /// Separate sums of the brightest stars: the low words, then from [`BatchTargets::bright_high_bytes`] on the high words.
+    /// Separate sums of the brightest stars: the low words, then the high words, which begin at [`BatchTargets::bright_high_bytes`].
     pub bright: Option<wgpu::Buffer>,
     /// Display image, if one is made.
     pub display: Option<wgpu::Buffer>,
@@ -130,7 +130,7 @@ pub(crate) struct SeenBodies {
 pub(crate) struct SmoothGrid {
     /// One grid per viewport. Their points are in [`Targets::grid_points`].
     pub grids: Vec<layout::PointGrid>,
-    /// The same on the adapter.
+    /// The same grids on the adapter.
     pub list: wgpu::Buffer,
 }
 
@@ -214,7 +214,7 @@ pub(crate) struct Targets {
 impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        // As large as the largest structure or list of an unused binding.
+        // The placeholder is as large as the largest structure or list of an unused binding.
         let nothing = [layout::PlainGrid { first: NO_POINTS, ..Default::default() }; MAX_VIEWPORTS];
         let stand_in = filled_buffer(gpu, "nothing", &nothing, usage | wgpu::BufferUsages::UNIFORM);
         let exposure = gpu.create_buffer(&wgpu::BufferDescriptor {
@@ -250,7 +250,7 @@ impl Targets {
         }
     }
 
-    /// Releases everything that belongs to a size.
+    /// Releases everything that depends on the size of images.
     pub(crate) fn release(&mut self) {
         self.batch_buffers.clear();
         self.batches.clear();
@@ -275,12 +275,12 @@ impl Targets {
         self.diffuse = None;
     }
 
-    /// Grids of plain blocks, or grids without points.
+    /// Returns the grids of plain blocks, or grids without points.
     pub(crate) fn plain_list(&self) -> &wgpu::Buffer {
         self.plain.as_ref().map_or(&self.stand_in, |plain| &plain.list)
     }
 
-    /// The map of faint light, or a placeholder.
+    /// Returns the map of faint light, or a placeholder.
     pub(crate) fn faint_map(&self) -> (layout::SkyMap, &wgpu::Buffer) {
         self.sky.as_ref().map_or((layout::SkyMap::default(), &self.stand_in), |sky| (sky.map, &sky.texels))
     }
@@ -365,7 +365,7 @@ impl Targets {
             .collect();
     }
 
-    /// First of the counters of asteroids drawn as points, which follow those of stars: see [`POINT_COUNTERS`].
+    /// Returns the first of the counters of asteroids drawn as points, which follow those of stars: see [`POINT_COUNTERS`].
     pub(crate) fn first_point_counter(&self) -> u32 {
         self.counter_count as u32
     }
@@ -383,12 +383,12 @@ impl Targets {
         SmoothGrid { grids, list }
     }
 
-    /// Luminance at the points of all grids, cd/m^2. Every technique must have reserved its points.
+    /// Returns the luminance at the points of all grids, cd/m^2. Every technique must have reserved its points.
     pub(crate) fn grid_points(&mut self, gpu: &Gpu) -> wgpu::Buffer {
         self.point_buffer.with_room(gpu, 16 * u64::from(self.point_count)).clone()
     }
 
-    /// The buffer of [`Targets::grid_points`], if it was created.
+    /// Returns the buffer of [`Targets::grid_points`], if it was created.
     pub(crate) fn held_points(&self) -> Option<&wgpu::Buffer> {
         self.point_buffer.held()
     }
@@ -419,7 +419,7 @@ impl Targets {
         }
     }
 
-    /// Returns the sums of a batch: those of the brightest stars if `bright`, otherwise those of everything else.
+    /// Returns the sums of a batch: those of the brightest stars if `bright` is true, otherwise those of everything else.
     pub(crate) fn sums(&self, batch: usize, bright: bool) -> Option<Sums<'_>> {
         let batch_targets = &self.batches[batch];
         let [low_words, high_words] = if bright {

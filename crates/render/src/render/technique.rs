@@ -1,9 +1,8 @@
 //! The interface of drawing techniques, and its inputs.
 //!
-//! A technique has its own folder with its passes, GPU structures and their encoding, and does not depend on other
-//! techniques. Shared buffers are in [`super::targets`]. Order of calls for a frame: [`Technique::hold`],
-//! [`Technique::encode`], then [`Technique::record`] phase by phase, and [`Technique::read`] after the device has
-//! finished.
+//! A technique has its own folder with its passes, GPU structures and their encoding, and does not depend on other techniques. Shared buffers are in
+//! [`super::targets`]. For a frame, the calls are in this order: [`Technique::hold`], [`Technique::encode`], then [`Technique::record`] phase by
+//! phase, and [`Technique::read`] after the device has finished.
 
 use std::sync::Arc;
 
@@ -23,7 +22,7 @@ pub(crate) enum Phase {
     Cull,
     /// Evaluate smooth light at the points of grids over the pictures.
     Points,
-    /// Draw the surfaces of one tile, which hide stars: index of the batch, index of the tile in the batch.
+    /// Draw the surfaces of one tile that hide stars. Fields: index of the batch, index of the tile in the batch.
     Geometry(usize, usize),
     /// Add light to the sums of a batch.
     Splat(usize),
@@ -71,7 +70,7 @@ pub(crate) struct Series {
 pub(crate) struct MapState {
     /// Whether all pictures that the frame reads have been drawn.
     pub is_drawn: bool,
-    /// Error and number of the pages that they lack.
+    /// Error that missing pages cause in these pictures, and number of these pages.
     pub lack: Residual,
 }
 
@@ -90,7 +89,7 @@ pub(crate) struct Outputs<'a> {
 }
 
 impl Outputs<'_> {
-    /// Images to make for each viewport, whether they are read back or not.
+    /// Returns the images to make for each viewport, whether they are read back or not.
     pub(crate) fn made(&self, viewports: &[Viewport]) -> Vec<Wanted> {
         let mut made: Vec<Wanted> = viewports.iter().map(|viewport| self.wanted[viewport.view]).collect();
         for presentation in self.presentations {
@@ -122,7 +121,7 @@ pub(crate) struct Wish<'a> {
     pub gpu: &'a Gpu,
     pub objects: &'a SceneObjects,
     pub viewports: &'a [Viewport],
-    /// Decisions of the plans of these frames.
+    /// Decisions in the plans of these frames.
     pub forecast: &'a Forecast,
     /// Images to make of at least one view.
     pub made: Wanted,
@@ -150,7 +149,7 @@ impl<'a> PipelineJob<'a> {
         Self { name, make: PipelineWork::Apart(Box::new(move || drop(make()))) }
     }
 
-    /// Creates a job that takes longer than frames should wait.
+    /// Creates a job that takes longer than a frame should wait.
     pub(crate) fn beside(name: &'static str, make: impl FnOnce() + Send + 'static) -> Self {
         Self { name, make: PipelineWork::Beside(Box::new(make)) }
     }
@@ -186,8 +185,8 @@ pub(crate) fn begin_pass<'a>(
 
 /// Drawing technique.
 pub(crate) trait Technique {
-    /// Makes resident the data that does not depend on the positions and directions of the eyes, until the scene or the
-    /// settings change. Data already resident takes no time.
+    /// Uploads the data that does not depend on the positions and directions of the eyes. The data stays resident until the scene or the settings
+    /// change. Data that is already resident takes no time.
     fn hold(&mut self, _holding: &Holding<'_>) -> Result<(), RenderError> {
         Ok(())
     }
@@ -195,8 +194,8 @@ pub(crate) trait Technique {
     /// Computes in advance, after [`Technique::hold`], data for a frame like the last one.
     fn warm(&mut self, _holding: &Holding<'_>) {}
 
-    /// Jobs that create the pipelines of such frames in advance. Existing pipelines take no time; missing ones are
-    /// created by the first frame that needs them.
+    /// Returns jobs that create the pipelines of such frames in advance. Existing pipelines take no time. If a pipeline is missing, the first frame
+    /// that needs it creates it.
     fn pipelines<'a>(&'a self, _wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         Vec::new()
     }
@@ -206,12 +205,13 @@ pub(crate) trait Technique {
         false
     }
 
-    /// Parts of the map of faint light that a plan's frame reads and that have not been drawn yet, or were drawn without some of their stars.
+    /// Returns the parts of the map of faint light that a plan's frame reads and that have not been drawn yet, or were drawn without some of their
+    /// stars.
     fn map_parts(&mut self, _gpu: &Gpu, _plan: &Plan, _scene: &SceneSnapshot, _series: Series) -> Vec<SkyPart> {
         Vec::new()
     }
 
-    /// State of the map of faint light that a plan's frame reads.
+    /// Returns the state of the map of faint light that a plan's frame reads.
     fn map_state(&self, _plan: &Plan, _series: Series) -> MapState {
         MapState::default()
     }
@@ -222,12 +222,12 @@ pub(crate) trait Technique {
     /// Records the work of a phase.
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>);
 
-    /// Size of its readback besides images, bytes, including alignment to 16.
+    /// Returns the size of the technique's readback besides images, bytes, including alignment to 16.
     fn readback_bytes(&self, _plan: &Plan) -> u64 {
         0
     }
 
-    /// Reads its results besides images.
+    /// Reads the technique's results besides images.
     fn read(
         &self,
         _gpu: &Gpu,

@@ -73,7 +73,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
                 FisheyeMapping::Orthographic => (KIND_ORTHOGRAPHIC, fisheye.half_fov_rad.cos().powi(2) as f32),
                 FisheyeMapping::Stereographic => (KIND_STEREOGRAPHIC, 0.0),
             };
-            // Test the centre and three points further out. The shader treats the orthographic rim separately.
+            // Test the centre and three points farther out. The shader treats the orthographic rim separately.
             let [x, y] = [size[0] / 2, size[1] / 2];
             encoded.quadrature = u32::from([0.0, 0.3, 0.6, 0.9].iter().any(|part| {
                 let column = (x + (fisheye.radius_px() * part) as u32).min(size[0] - 1);
@@ -102,7 +102,7 @@ fn encode_plane(encoded: &mut layout::Viewport, plane: &Perspective, size: [u32;
     let scale = [f64::from(size[0]) / (right - left), -f64::from(size[1]) / (up - down)];
     encoded.plane_scale = scale.map(|value| value as f32);
     encoded.plane_offset = [(-left * scale[0]) as f32, (-up * scale[1]) as f32];
-    // The fourth-order term that the shader's series omits is about (step)^4 / 40.
+    // The fourth-order term that the shader's series omits is about step^4 / 40.
     let step = (1.0 / scale[0]).abs().max((1.0 / scale[1]).abs());
     encoded.quadrature = u32::from(step.powi(4) / 40.0 > MIDPOINT_TOLERANCE / 3.0);
 }

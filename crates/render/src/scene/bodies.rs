@@ -2,11 +2,10 @@
 //!
 //! Lengths in metres, angles in radians, luminance in cd/m^2, light as linear Rec. 709.
 //!
-//! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is identified by the corresponding
-//! point of the sphere (`seen`). The light of a sun comes from its centre and falls on the whole body from one
-//! direction and with one illuminance, those at the body's centre: suns are far away compared with the size of the
-//! bodies they light. Light reflected by bodies falls on others in the same way (the light of the Earth on the Moon).
-//! Of the shadows of each sun on a body (`shadow`), only the deepest counts.
+//! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is identified by the corresponding point of the sphere (`seen`).
+//! The light of a sun comes from the sun's centre. It falls on the whole body from one direction and with one illuminance, which are computed for the
+//! body's centre: suns are far away compared with the size of the bodies that they light. Light reflected by bodies falls on others in the same way
+//! (the light of the Earth on the Moon). Of the shadows of each sun on a body (`shadow`), only the deepest counts.
 
 mod check;
 mod emission;
@@ -71,9 +70,8 @@ pub struct Spin {
 pub struct Body {
     /// Unique among the bodies of a scene.
     pub name: String,
-    /// Source of its position: the scene's time determines the position
-    /// ([`SceneObjects::at`](crate::scene::SceneObjects::at)). A body of the Solar System also takes its orientation
-    /// from there; its spin is then left at the default.
+    /// Ephemeris that gives its position at the scene's time ([`SceneObjects::at`](crate::scene::SceneObjects::at)). A body of the Solar System also
+    /// takes its orientation from there; its spin is then left at the default.
     pub ephemeris: Option<Ephemeris>,
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
@@ -93,7 +91,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// Angular radius of its largest semi-axis for an eye at a position, m; rad, at most pi / 2.
+    /// Angular radius of its largest semi-axis as seen from `eye_m`, rad; at most pi / 2.
     pub fn angular_radius_rad(&self, eye_m: DVec3) -> f64 {
         (self.radii_m.max_element() / (self.position_m - eye_m).length()).min(1.0).asin()
     }

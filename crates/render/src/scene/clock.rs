@@ -1,4 +1,4 @@
-//! The clock of a scene, which may run.
+//! The clock of a scene. It runs or is stopped.
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -15,7 +15,7 @@ use crate::{
     units::EARTH_ROTATION_RAD_S,
 };
 
-/// Rotation of the sky from one step to the next, rad: 2 arcsec, below a tenth of a pixel of any view.
+/// Rotation of the sky from one step to the next, rad: 2 arcsec, which is less than a tenth of a pixel in any view.
 const STEP_RAD: f64 = 1e-5;
 /// Shortest and longest step, s.
 const STEPS_S: [f64; 2] = [1.0 / 60.0, 1.0];
@@ -56,7 +56,7 @@ impl SceneClock {
         if self.rate == 0.0 {
             return 0;
         }
-        // The clock does not advance before it was set.
+        // The clock does not advance before the time at which it was set.
         let gone = (now.duration_since(self.since).unwrap_or_default().as_secs_f64() / self.step_s()) as u64;
         gone.min(self.last_step())
     }
@@ -120,7 +120,7 @@ impl Camera {
         Self { world_from_camera: turned.normalize(), as_of_s: to_s, ..*self }
     }
 
-    /// The camera after its observer has moved: one in the horizon frame keeps its azimuth and altitude.
+    /// The camera after its observer has moved: a camera in the horizon frame keeps its azimuth and altitude.
     #[must_use]
     pub fn on_horizon_of(&self, before: Option<&Observer>, after: Option<&Observer>) -> Self {
         let (Some(before), Some(after)) = (before, after) else { return *self };
@@ -169,7 +169,7 @@ mod tests {
         }
         let fast = SceneClock::running(0.0, SceneClock::MOST_RATE, start);
         assert_eq!(fast.time_s(after(1e6)), MOMENTS_S[1]);
-        // 14 s and 25 s from the limits: the years 1 and 9999 are far from them.
+        // Moments 14 s and 25 s from the limits, whose years are far outside 1 to 9999.
         for (time_s, rate, limit_s, end) in [
             (MOMENTS_S[0] + 14.0, -1.0, MOMENTS_S[0], "-6000-01-01T00:00:00Z"),
             (MOMENTS_S[1] - 25.0, 2.0, MOMENTS_S[1], "+10001-01-01T00:00:00Z"),
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn a_camera_rotates_only_with_rotating_frames() {
         let objects = SceneObjects::default();
-        // An hour of Mars: 14.62 degrees around its pole.
+        // Mars rotates by 14.62 degrees around its pole in one hour.
         let turned_deg = |frame: Frame, hours: f64| {
             let camera = Camera { frame, as_of_s: 8.2e8, ..Camera::default() };
             let carried = camera.carried(&objects, 8.2e8 + 3600.0 * hours);

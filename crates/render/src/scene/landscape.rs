@@ -133,7 +133,7 @@ impl Landscape {
         })
     }
 
-    /// The altitude below which it hides more than half: objects below it cause no glare and have no labels.
+    /// Returns the altitude below which the picture hides more than half of the sky. Objects below that altitude cause no glare and have no labels.
     pub fn horizon(&self) -> Horizon {
         let rows = self.levels[0].size[1] * 4;
         let altitude = |row: u32| PI * (0.5 - (f64::from(row) + 0.5) / f64::from(rows));
@@ -221,7 +221,7 @@ mod tests {
         let mean = |level: &Level| {
             level.texels.iter().map(|texel| f64::from(texel[3])).sum::<f64>() / level.texels.len() as f64
         };
-        // Halving odd sides counts some texels twice.
+        // Halving a picture with odd sides counts some texels twice.
         for level in landscape.levels.iter().filter(|level| level.size[1] >= 20) {
             assert!((mean(level) - mean(&landscape.levels[0])).abs() < 0.03, "{:?}", level.size);
         }

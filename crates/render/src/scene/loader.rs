@@ -1,9 +1,9 @@
 //! Loads the stars of a scene from catalogues.
 //!
-//! The catalogues are read one after the other, compared for stars that are listed in two of them, and joined. A store
-//! that is the only catalogue is used directly if its stars need not move. The bright stars of a deep store are read like those of a file; views read the
-//! others when they need them. Memory: the records of the largest catalogue (40 bytes each) grow in
-//! place by those of the others, and are freed when the packed stars (16 bytes each) exist.
+//! The catalogues are read one after the other, compared for stars that are listed in two of them, and joined. A store that is the only catalogue is
+//! used directly if its stars need not move. The bright stars of a deep store are read like those of a file; views read the others when they need
+//! them. Memory: the records of the other catalogues are appended to those of the largest one (40 bytes each). All are freed when the packed stars
+//! (16 bytes each) exist.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ use crate::catalogue::{StarRecord, bright};
 pub enum StarSource {
     /// The built-in table of bright stars.
     Bright,
-    /// The same table, but with variable stars at their brightness at the scene's time.
+    /// The same table, but variable stars have their brightness at the scene's time.
     BrightVariable,
     /// A catalogue or a store.
     File(PathBuf),
@@ -52,7 +52,7 @@ impl StarSource {
     pub fn may_move(&self) -> bool {
         match self {
             Self::Bright | Self::BrightVariable => true,
-            // A file that cannot be read is reported when it is loaded.
+            // If the file cannot be read, this is reported when it is loaded.
             Self::File(path) if is_deep_store(path) => has_velocities(&path.join(BRIGHT_FILE)),
             Self::File(path) if is_store(path).unwrap_or(false) => has_velocities(path),
             Self::File(_) => true,
@@ -121,7 +121,7 @@ pub struct LoadedCatalogue {
 pub struct LoadReport {
     /// One entry per source.
     pub catalogues: Vec<LoadedCatalogue>,
-    /// Pairs of catalogues with common stars, which are drawn twice.
+    /// Pairs of catalogues that have stars in common. These stars are drawn twice.
     pub overlaps: Vec<Overlap>,
     /// Files that seem to contain some stars twice; these stars are drawn twice.
     pub repetitions: Vec<Repetition>,
@@ -216,7 +216,8 @@ pub fn load_stars(
     let (mut unresolved, mut map, mut deep, mut named) = (None, None, None, Vec::new());
     let mut loaded = Vec::with_capacity(parts.len());
     for (source, mut part) in sources.iter().zip(parts) {
-        // The variable stars are added below, with their brightness at this time. The table has no names here.
+        // The variable stars are added below, with their brightness at this time. This part has no names: those of the table are known in every
+        // scene.
         if *source == StarSource::BrightVariable {
             let mut rows = bright::variable_rows();
             rows.sort_unstable();
@@ -226,7 +227,7 @@ pub fn load_stars(
         }
         named.extend(part.named());
         deep = part.deep.take().or(deep);
-        // Only one map of unresolved light is used: that of a light map, or else that of the last galaxy.
+        // Only one map of unresolved light is used: that of a light map if there is one, otherwise that of the last galaxy.
         if matches!(source, StarSource::Light(_)) {
             map = part.unresolved;
         } else {
@@ -308,7 +309,7 @@ fn read_all(
     Ok((parts, report))
 }
 
-/// Whether the file is a store: by its first bytes, or by its extension, so that a damaged store is reported as such.
+/// Whether the file is a store, judged by its first bytes or by its extension, so that a damaged store is reported as a store.
 fn is_store(path: &Path) -> Result<bool, LoadError> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("stars")) {
         return Ok(true);
@@ -390,7 +391,7 @@ fn check_deep(sources: &[StarSource]) -> Result<(), LoadError> {
     Ok(())
 }
 
-/// Joins all records into one vector, by growing the largest part. The order does not matter.
+/// Joins all records into one vector by appending to the largest part. The order does not matter.
 fn joined(mut parts: Vec<Vec<StarRecord>>, stars: usize) -> Vec<StarRecord> {
     let Some(largest) = (0..parts.len()).max_by_key(|&index| parts[index].len()) else { return Vec::new() };
     let mut all = parts.swap_remove(largest);

@@ -69,7 +69,7 @@ pub fn finite_vector(key: &'static str, value: [f64; 3]) -> Result<DVec3, PoseEr
     }
 }
 
-/// Builds a unit quaternion from (x, y, z, w): normalised if its length is within 1e-3 of 1, else refused.
+/// Builds a unit quaternion from (x, y, z, w). It is normalised if its length is within 1e-3 of 1; otherwise it is refused.
 pub fn unit_quaternion(value: [f64; 4]) -> Result<DQuat, PoseError> {
     named_unit_quaternion("orientation", value)
 }
@@ -96,7 +96,7 @@ pub struct Camera {
     pub world_from_camera: DQuat,
     /// Velocity in units of the speed of light, world axes; its length is at most [`MAX_SPEED_C`].
     pub velocity_c: DVec3,
-    /// The frame of reference, with which it rotates as time advances.
+    /// The frame of reference. The camera rotates with it as time advances.
     pub frame: Frame,
     /// The time for which the orientation holds, s since 2000-01-01T12:00:00Z; only relevant in rotating frames.
     pub as_of_s: f64,

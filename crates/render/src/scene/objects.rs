@@ -35,8 +35,8 @@ pub struct SceneObjects {
     /// The local sky of the camera at the time of the frame; set only in plans, whose bodies are already dimmed by the
     /// air.
     pub local_sky: Option<Arc<LocalSky>>,
-    /// Centre of the Earth on which the observer stands, as drawn, m: it may cast a shadow on the Moon. Set together
-    /// with the bodies that have an ephemeris.
+    /// Centre of the Earth on which the observer stands, at its drawn position, m: the Earth may cast a shadow on the Moon. It is set together with
+    /// the bodies that have an ephemeris.
     pub earth_m: Option<DVec3>,
     /// Whether the zodiacal light is drawn. It requires an observer and a Sun that has an ephemeris.
     pub zodiacal_light: bool,
@@ -82,8 +82,8 @@ impl SceneObjects {
         Arc::new(Self { bodies, local_sky: Some(Arc::new(sky)), ..(**self).clone() })
     }
 
-    /// The zodiacal light at the scene's time, if it is drawn. In air, the part that is the same everywhere is left out, because the light of the
-    /// night sky includes it.
+    /// The zodiacal light at the scene's time, if it is drawn. In air, the part that is the same in all directions is left out, because the light of
+    /// the night sky includes it.
     pub fn zodiacal_light(&self) -> Option<ZodiacalLight> {
         let of_sun = |body: &&Arc<Body>| body.ephemeris == Some(SolarBody::Sun.into());
         let sun = self.bodies.iter().find(of_sun).filter(|_| self.zodiacal_light)?;
@@ -101,8 +101,7 @@ impl SceneObjects {
         self.earth_m = moment.earth_m();
         for body in &mut self.bodies {
             let Some(ephemeris) = body.ephemeris else { continue };
-            // The kernels were queried for the body when it was accepted; if one has a gap, the body keeps its
-            // position.
+            // The kernels could give the body's position when the body was accepted. If they have a gap at this time, the body keeps its position.
             let Ok((position_m, body_orientation)) = moment.place(ephemeris, self.kernels.as_deref()) else { continue };
             let (orientation, spin) =
                 body_orientation.map_or((body.orientation, body.spin), |orientation| (orientation, Spin::default()));

@@ -80,12 +80,12 @@ pub enum GridKind {
     Galactic,
     /// Longitude and latitude of the mean ecliptic and equinox of J2000.0.
     Ecliptic,
-    /// Azimuth, from north through east, and altitude of the scene's observer, which must exist.
+    /// Azimuth (from north through east) and altitude for the scene's observer. The scene must have an observer.
     Horizon,
-    /// Borders of the constellations, along meridians and parallels of B1875.0, with their names instead of numbers; it
-    /// has no spacing.
+    /// Borders of the constellations, which run along meridians and parallels of B1875.0. The names of the constellations replace the numbers. This
+    /// grid has no spacing.
     Constellations,
-    /// Azimuth and altitude in the camera's own axes: the zenith is its +y, azimuth 0 its -z, increasing to the right.
+    /// Azimuth and altitude in the camera's own axes: the zenith is +y, and azimuth 0 is -z and increases to the right.
     Altitude,
 }
 
@@ -151,7 +151,7 @@ impl Grid {
     /// Default angle between neighbouring circles, degrees.
     pub const SPACING_DEG: f64 = 15.0;
 
-    /// A grid with numbers, and with this number of intervals between the equator and a pole.
+    /// Creates a grid with numbers and the given number of intervals between the equator and a pole.
     pub fn new(kind: GridKind, divisions: u32, style: LineStyle) -> Self {
         let LineStyle { colour, width_px, opacity } = style;
         Self { kind, spacing_deg: 90.0 / f64::from(divisions), numbers: true, colour, width_px, opacity }
@@ -241,7 +241,7 @@ pub enum Anchor {
     Direction(DVec3),
     /// A point: ICRS, barycentric, m.
     Point(DVec3),
-    /// A direction as seen by the scene's observer, which is required: azimuth from north through east, and apparent altitude, rad.
+    /// A direction as seen by the scene's observer: azimuth from north through east, and apparent altitude, rad. An observer is required.
     Horizon([f64; 2]),
 }
 
@@ -280,7 +280,7 @@ pub struct Overlay {
     pub trajectories: Vec<Trajectory>,
     /// Labels, drawn over lines.
     pub labels: Vec<Label>,
-    /// Whether N, NE, E and so on are written above the ground of the scene's observer, which is required.
+    /// Whether N, NE, E and so on are written above the ground of the scene's observer. An observer is required.
     pub cardinal_points: bool,
     /// Names of the views that show a test pattern, drawn over everything.
     pub test_patterns: Vec<String>,
@@ -307,7 +307,7 @@ impl Overlay {
     ///
     /// # Errors
     ///
-    /// A part needs an observer, and `has_observer` is false: its key below `overlay` and the problem.
+    /// A part needs an observer, and `has_observer` is false. The error has the part's key below `overlay` and the problem.
     pub fn check_observer(&self, has_observer: bool) -> Result<(), (String, String)> {
         let Some(key) = self.needs_observer().filter(|_| !has_observer) else { return Ok(()) };
         let problem = match key.starts_with("grids") {

@@ -23,8 +23,8 @@ use crate::{
     units::JULIAN_YEAR_S,
 };
 
-/// Stars are not updated within this number of years of the loaded epoch: the fastest moves by 10 arcsec per year, and
-/// 98 % of the naked-eye stars by less than 0.5.
+/// Stars are not updated within this number of years of the loaded epoch. The fastest star moves by 10 arcsec per year, and 98 % of the naked-eye
+/// stars move by less than 0.5 arcsec per year.
 const LOADED_YEARS: f64 = 0.5;
 
 /// Step of [`rounded`], rad.
@@ -35,7 +35,7 @@ const PLACE_RAD: f64 = 5.0 * PI / 180.0;
 struct StarSetKey {
     /// Julian years from J2000.0 of the proper motion.
     years: f64,
-    /// Rounded place of the observer, and the index of the vantage; `None`: no observer.
+    /// Rounded place of the observer and the index of the vantage point; `None`: no observer.
     vantage: Option<(Place, i64)>,
     /// Rounded brightness of the variable stars; `None`: they keep the brightness of the table.
     variable: Option<[i16; variable::COUNT]>,
@@ -44,7 +44,7 @@ struct StarSetKey {
 /// Star sets by moment; see the module.
 #[derive(Debug)]
 pub struct SeenStars {
-    /// The loaded set: moments near that of loading use it, so that results do not depend on history.
+    /// The loaded set. Moments near that of loading use it, so that results do not depend on the moments shown before.
     loaded: Arc<StarSet>,
     /// Moment of the loaded set.
     first: StarSetKey,
@@ -58,7 +58,7 @@ pub struct SeenStars {
 #[derive(Debug)]
 struct Held {
     newest: (StarSetKey, Arc<StarSet>),
-    /// Set reloaded for another epoch, from which all sets of that epoch are made.
+    /// Set that was reloaded for another epoch. All sets of that epoch are made from it.
     for_years: Option<Arc<StarSet>>,
     /// Epoch for which reloading failed; it is not retried before another epoch.
     failed_years: Option<f64>,
@@ -69,8 +69,8 @@ fn julian_years(time_s: f64) -> f64 {
     Moment::new(time_s, None).tdb_s() / JULIAN_YEAR_S
 }
 
-/// A place rounded to 5 degrees: the rotation of the Earth shifts stars by at most 0.32 arcsec, and by 0.03 between
-/// neighbouring rounded places. An observer who moves continuously gets new stars every few hundred kilometres.
+/// Rounds a place to 5 degrees. The rotation of the Earth shifts stars by at most 0.32 arcsec, and this shift differs by 0.03 arcsec between
+/// neighbouring rounded places. For an observer who moves continuously, the stars are made again every few hundred kilometres.
 fn rounded(place: Place) -> Place {
     let step = |angle: f64| (angle / PLACE_RAD).round() * PLACE_RAD;
     Place { latitude_rad: step(place.latitude_rad), longitude_rad: step(place.longitude_rad), height_m: 0.0 }
@@ -88,8 +88,8 @@ impl SeenStars {
         Arc::new(Self { loaded, first, sources, held, is_busy: AtomicBool::new(false) })
     }
 
-    /// The stars that an observer sees at a moment. If the set does not exist yet, it is made in the background (a
-    /// second per few million stars), and the previous set is returned.
+    /// Returns the stars that an observer sees at a moment. If this set does not exist yet, it is made in the background, which takes a second for a
+    /// few million stars, and the previous set is returned.
     pub fn at(self: &Arc<Self>, observer: Option<&Observer>, time_s: f64) -> Arc<StarSet> {
         let wanted = self.key(observer, time_s);
         let ((newest, stars), failed_years) = {
@@ -114,8 +114,7 @@ impl SeenStars {
         stars
     }
 
-    /// The stars that an observer sees at a moment; blocks until they are made. Fails if a catalogue can no longer be
-    /// read.
+    /// Returns the stars that an observer sees at a moment, and blocks until they are made. Fails if a catalogue can no longer be read.
     pub fn made(&self, observer: Option<&Observer>, time_s: f64) -> Result<Arc<StarSet>, LoadError> {
         let wanted = self.key(observer, time_s);
         let (newest, stars) = self.held().newest.clone();
@@ -165,7 +164,7 @@ impl SeenStars {
             return Ok(known);
         }
         let (set, _) = load_stars(&self.sources, &Epoch { years, ..self.loaded.epoch }, &mut |_| {})?;
-        // Light that is smooth over degrees is kept, with everything derived from it.
+        // Light that is smooth over degrees is not computed again, and neither is anything derived from it.
         let deep = self.loaded.deep.as_ref().map(|deep| Arc::new(deep.at_epoch(&set.epoch)));
         let set = Arc::new(set.with_unresolved(self.loaded.unresolved.clone()).with_deep(deep));
         self.held().for_years = Some(Arc::clone(&set));
@@ -201,7 +200,7 @@ mod tests {
         let stars_at = |time_s: f64| stars.at(Some(&observer), time_s);
         assert!(Arc::ptr_eq(&stars_at(0.2 * DAY_S), &loaded));
         let half_a_year = made(182.0 * DAY_S);
-        // Sirius is displaced by at most 40 arcsec, and by a good part of that.
+        // Sirius is displaced by at most 40 arcsec, and by a large part of that.
         let sirius = |set: &StarSet| {
             set.named().iter().find(|star| star.name == "Sirius").map(|star| star.star.position).unwrap_or_default()
         };
@@ -223,7 +222,8 @@ mod tests {
         let without = SeenStars::new(Arc::clone(&loaded), None, vec![StarSource::Galaxy(galaxy)]);
         assert!(Arc::ptr_eq(&without.made(None, 1e12).unwrap(), &loaded));
         assert!(Arc::ptr_eq(&without.at(None, 1e12), &loaded));
-        // On the other side of the Earth: displaced by the rotation of both places, 0.46 km/s each.
+        // Seen from the other side of the Earth, the star is displaced: the rotation of the Earth moves both places at 0.46 km/s, in opposite
+        // directions.
         let elsewhere = observer.moved(Place { longitude_rad: place.longitude_rad + PI, ..place }, observer.clock);
         let shift = sirius(&stars.made(Some(&elsewhere), 0.0).unwrap()).angle_between(sirius(&loaded));
         assert!((0.05..0.65).contains(&(shift / ARCSECOND_RAD)), "{shift}");
@@ -256,7 +256,7 @@ mod tests {
         assert!((v_of(&bright, "Algol") - 2.12).abs() < 0.03, "{}", v_of(&bright, "Algol"));
         assert!((v_of(&bright, "Vega") - v_of(&faint, "Vega")).abs() < 1e-3);
         assert_eq!(made(13.52).stars, faint.stars, "the same whatever was shown before");
-        // Within a step the set is kept.
+        // Within a step the same set is used.
         assert!(Arc::ptr_eq(&made(13.521), &made(13.52)));
         let century = stars.made(Some(&observer), noon_s + 100.0 * JULIAN_YEAR_S).unwrap();
         assert_eq!(century.stars.len(), 9096);

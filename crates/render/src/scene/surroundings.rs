@@ -24,10 +24,10 @@ use crate::photometry::{atmosphere::Air, rec709::luminance, sky_light::SkyTable}
 pub const MOST_SOURCES: usize = 2;
 /// Beyond this distance from the observer's place, a camera is not on the ground, m.
 const ON_GROUND_M: f64 = 1000.0;
-/// Fraction of the Sun's light that the air outside the shadow scatters into a total eclipse, from all sides: 1 to 4 lx
-/// of 1e5 (S. M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
+/// Fraction of the Sun's light that the air outside the shadow scatters into the shadow of a total eclipse, from all sides: 1 to 4 lx of 1e5 lx (S.
+/// M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
 const LEAST_OF_ECLIPSED: f64 = 2.7e-5;
-/// Share of the sky in the light of a clear day with a high sun.
+/// Fraction of the light of a clear day that comes from the sky and not directly from the sun, for a high sun.
 const SKY_OF_HIGH_SUN: f64 = 0.13;
 /// Objects closer than this are not refracted, m.
 pub const BEYOND_AIR_M: f64 = 1e5;
@@ -35,13 +35,14 @@ pub const BEYOND_AIR_M: f64 = 1e5;
 const LEAST_OF_GLOW: f64 = 1e-6;
 /// Interval at which the scattering of starlight in the eye is recomputed, s.
 const STARS_S: f64 = 60.0;
-/// Directions over which the light of the sky is summed: altitudes, and azimuths for each.
+/// Numbers of directions over which the light of the sky is summed: altitudes, and azimuths at each altitude.
 const NODES: [usize; 2] = [12, 16];
 
 /// The upper boundary of the ground: altitudes at azimuths, interpolated linearly.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Horizon {
-    /// Azimuth and altitude, rad; azimuths rise from 0 to 2 pi, and two equal ones are a vertical wall. Empty: the same altitude all around.
+    /// Points of azimuth and altitude, rad. Azimuths rise from 0 to 2 pi; two equal azimuths form a vertical wall. Empty: the same altitude all
+    /// around.
     points: Vec<[f64; 2]>,
     /// That altitude, rad.
     level_rad: f64,
@@ -116,7 +117,7 @@ pub struct Ground {
     pub horizon: Horizon,
     /// Fraction of light that it reflects, 0 to 1.
     pub albedo: f64,
-    /// A picture of the ground, whose outline then replaces the horizon.
+    /// A picture of the ground. If there is one, its outline replaces the horizon.
     pub landscape: Option<Arc<Landscape>>,
 }
 
@@ -148,7 +149,7 @@ pub struct LocalSky {
     pub landscape: Option<Arc<Landscape>>,
     /// Luminance of the ground, linear Rec. 709, cd/m^2.
     pub ground_cd_m2: [f64; 3],
-    /// Luminance of a white horizontal surface, in the same units.
+    /// Luminance of a white horizontal surface, linear Rec. 709, cd/m^2.
     pub white_cd_m2: [f64; 3],
     /// Mean luminance of the sky above the horizon, cd/m^2.
     pub mean_cd_m2: f64,
@@ -162,9 +163,8 @@ pub(super) fn azimuth(local: DVec3) -> f64 {
 /// Direction towards a light, unit vector in world axes, and its illuminance, lx.
 type Arriving = (DVec3, [f64; 3]);
 
-/// Illuminances that the sources of a scene cause at an eye outside of the air, brightest first, with directions, lx;
-/// and for an eclipsed sun its direction and the light scattered in from outside the shadow, lx, for a sun in the
-/// zenith.
+/// Returns the illuminances that the sources of a scene cause at an eye outside of the air, lx, with their directions, brightest first. For an
+/// eclipsed sun it also returns the sun's direction and the light that is scattered in from outside the shadow, lx, as if the sun were in the zenith.
 fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<Arriving>, Option<Arriving>) {
     let suns = suns(objects);
     let body_light = |body: &Body| -> [f64; 3] {
@@ -225,8 +225,7 @@ impl SceneObjects {
         Some(LocalSky::new(surroundings, horizon_from_world, &sources, around))
     }
 
-    /// The local sky of a camera for starlight only, at a time rounded to whole minutes: the sky rotates by 0.25
-    /// degrees per minute.
+    /// The local sky of a camera, used only for starlight. The time is rounded to whole minutes, in which the sky rotates by 0.25 degrees.
     pub fn sky_of_stars(&self, camera_m: DVec3) -> Option<LocalSky> {
         let time_s = (self.time_s / STARS_S).round() * STARS_S;
         let (surroundings, observer) = self.surroundings_at(camera_m)?;
@@ -269,7 +268,7 @@ fn horizon_from_world(observer: &Observer, time_s: f64) -> DMat3 {
 }
 
 impl LocalSky {
-    /// The sky around an observer without its light, only with occlusion and extinction.
+    /// The sky around an observer with occlusion and extinction only, without its own light.
     fn unlit(surroundings: &Surroundings, horizon_from_world: DMat3) -> Self {
         Self {
             horizon_from_world,
@@ -361,8 +360,8 @@ impl LocalSky {
         self.refraction.map_or(seen, |refraction| refraction.arriving(seen))
     }
 
-    /// The linear map from a distant body with an angular radius (rad) to its apparent position; the identity without
-    /// refraction and for objects within the air. The position is relative to the eye, m.
+    /// The linear map from a distant body with an angular radius (rad) to its apparent position. It is the identity without refraction, and for
+    /// objects within the air. The position is relative to the eye, m.
     pub fn seen_body(&self, place_m: DVec3, radius_rad: f64) -> DMat3 {
         let refraction = self.refraction.filter(|_| place_m.length() > BEYOND_AIR_M);
         refraction.map_or(DMat3::IDENTITY, |refraction| refraction.around(place_m, radius_rad))
@@ -414,7 +413,7 @@ impl LocalSky {
         self.air.as_ref().map_or([1.0; 3], |air| air.transmission(sine))
     }
 
-    /// The same for a disc of an angular radius, rad: that of the middle of the part above the horizon.
+    /// The same fraction for a disc with an angular radius, rad. It is computed for the middle of the part of the disc above the horizon.
     pub fn transmission_of_disc(&self, direction: DVec3, radius_rad: f64) -> [f64; 3] {
         let [sine, at_horizon] = self.sines(direction).map(|sine| sine.clamp(-1.0, 1.0).asin());
         let above = (sine + radius_rad).min(FRAC_PI_2);
@@ -426,8 +425,8 @@ impl LocalSky {
     }
 
     /// Share of a sun's disc that the Earth does not hide. The disc has an angular radius, rad, and an apparent direction; the Earth's horizon is
-    /// `dip_rad` below altitude 0. Ground hides the disc pixel by pixel; without ground this dims a setting sun as a whole, so that one below the
-    /// horizon does not shine into the night.
+    /// `dip_rad` below altitude 0. If there is ground, it hides the disc pixel by pixel. Without ground, this share dims the whole disc of a setting
+    /// sun, so that a sun below the horizon does not shine into the night.
     pub(super) fn risen_share(&self, direction: DVec3, radius_rad: f64, dip_rad: f64) -> f64 {
         if self.horizon.is_some() {
             return 1.0;
@@ -448,8 +447,8 @@ impl LocalSky {
         })
     }
 
-    /// Luminance of an object with `shown_cd_m2` outside of the air, in a direction that the ground does not hide,
-    /// including the light added by the air.
+    /// Apparent luminance of an object that has `shown_cd_m2` outside of the air, in a direction that the ground does not hide. It includes the light
+    /// that the air adds.
     pub fn above_cd_m2(&self, direction: DVec3, shown_cd_m2: [f64; 3]) -> [f64; 3] {
         let sine = self.sines(direction)[0];
         let passed = self.through_air(sine);
@@ -457,7 +456,7 @@ impl LocalSky {
         [0, 1, 2].map(|c| shown_cd_m2[c] * passed[c] + added[c])
     }
 
-    /// Luminance of the ground in a direction times the hidden fraction, linear Rec. 709, cd/m^2, and that fraction.
+    /// Returns the luminance of the ground in a direction, multiplied by the hidden fraction, linear Rec. 709, cd/m^2; and that fraction.
     pub fn ground(&self, direction: DVec3) -> ([f64; 3], f64) {
         if let Some(landscape) = &self.landscape {
             let [r, g, b, share] = landscape.sample(self.horizon_from_world * direction);
@@ -498,7 +497,7 @@ mod tests {
         for (azimuth, altitude) in [(1.0, 0.1), (1.5, 0.2), (2.0, 0.3), (3.5, 0.1), (5.0, -0.1), (1.0 + TAU, 0.1)] {
             assert!((hills.altitude_rad(azimuth) - altitude).abs() < 1e-12, "{azimuth}");
         }
-        // From 5 through the north to 1: 2.283 rad.
+        // From azimuth 5 through the north to azimuth 1: 2.283 rad.
         let north = -0.1 + 0.2 * (TAU - 5.0) / (TAU - 4.0);
         assert!((hills.altitude_rad(0.0) - north).abs() < 1e-12);
         assert!((f64::from(hills.sines()[0]) - north.sin()).abs() < 1e-7);
@@ -522,7 +521,7 @@ mod tests {
         assert!((light[3] / light[4] - 1.0).abs() < 0.05 && light[5] > 0.5 * light[2], "{light:?}");
         let risen = |degrees: f64| night.risen_share(at(degrees), 0.25_f64.to_radians(), 0.5_f64.to_radians());
         assert!(risen(0.0) == 1.0 && risen(-0.8) == 0.0 && (risen(-0.5) - 0.5).abs() < 1e-9);
-        // Ground hides the sky below, and the air above it is not mirrored.
+        // Ground hides the sky below it, and the air above it is not mirrored.
         let grounded = LocalSky::new(&surroundings(true, vec![[0.0, -0.05]]), DMat3::IDENTITY, &[], None);
         assert_eq!(grounded.transmission(at(-20.0)), [0.0; 3]);
         assert_eq!(grounded.transmission(at(-2.0)), grounded.transmission(at(0.0)));

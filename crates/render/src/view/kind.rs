@@ -9,7 +9,7 @@ use super::{
     projector::ProjectorOutput,
 };
 
-/// Signed angles of the four edges from the principal ray, rad, as in OpenXR (left and down usually negative).
+/// Signed angles of the four edges from the principal ray, rad, as in OpenXR (the left and lower ones are usually negative).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fov {
     /// To the left edge.
@@ -23,7 +23,7 @@ pub struct Fov {
 }
 
 impl Fov {
-    /// The mirrored field of view: that of the other eye.
+    /// The mirrored field of view, which is that of the other eye.
     pub fn mirrored(self) -> Self {
         Self { left_rad: -self.right_rad, right_rad: -self.left_rad, ..self }
     }
@@ -101,8 +101,7 @@ pub enum ViewKind {
         /// Tilt of the dome towards the front, rad.
         tilt_rad: f64,
     },
-    /// Omnidirectional stereo: a domemaster for each eye, in which every direction appears as seen by the eyes of a
-    /// viewer facing that direction.
+    /// Omnidirectional stereo: a domemaster for each eye. Every direction appears as the eyes of a viewer who faces that direction would see it.
     StereoDome {
         /// Side of the square, pixels.
         size: u32,

@@ -137,7 +137,7 @@ pub fn check_name(name: &str) -> Result<(), RigError> {
 }
 
 impl View {
-    /// Builds a view. `orientation` takes view axes to camera axes (unit length), `position_m` is in camera axes.
+    /// Builds a view. `orientation` (of unit length) rotates view axes to camera axes; `position_m` is in camera axes.
     pub fn new(name: &str, kind: ViewKind, orientation: DQuat, position_m: DVec3) -> Result<Self, RigError> {
         check_name(name)?;
         let images = images_of(name, &kind, orientation, position_m)?;
@@ -164,14 +164,14 @@ impl View {
         if packing != Packing::None && !(eyes && sizes[0] == sizes[1]) {
             return Err(RigError::Parameter {
                 view: self.name,
-                problem: "packing: the view does not have two eyes: only valid in views of type stereo, and of dome_master with ipd_m"
+                problem: "packing: the view does not have two eyes: packing is valid only in views of type stereo, or of type dome_master with ipd_m"
                     .to_owned(),
             });
         }
         Ok(Self { packing, ..self })
     }
 
-    /// Its pictures as stored in files.
+    /// Its pictures, as they are stored in files.
     pub fn pictures(&self) -> Vec<ViewPicture> {
         let sized = |image: &ViewImage| ViewPicture { part: image.part, size: self.output_size(image) };
         let pictures: Vec<ViewPicture> = self.images.iter().map(sized).collect();
@@ -186,8 +186,8 @@ impl View {
         }
     }
 
-    /// For a projector: the mapping of its raster, and the rotation from raster axes to camera axes, which are those of
-    /// the dome.
+    /// For a projector: the mapping of its raster, and the rotation from the axes of the raster to camera axes. The camera axes are those of the
+    /// dome.
     pub fn raster(&self) -> Option<(&Arc<TabulatedMapping>, DQuat)> {
         let ViewKind::Projector { mapping, output } = &self.kind else { return None };
         let camera_from_picture = self.images.first()?.camera_from_view;
@@ -341,11 +341,10 @@ impl Viewport {
         self.projection.mapping().size()
     }
 
-    /// Omnidirectional stereo: position of the eye that sees a direction (a unit vector), relative to the viewport's
-    /// eye, in view axes, m. It is perpendicular to the direction and in the plane of the picture's circle, at a
-    /// distance of `viewing_circle_m` times the sine of the angle from the axis: the full radius on the horizon of a
-    /// dome, zero at the zenith, continuous in between (P. Bourke, "Omni-directional stereoscopic fisheye images for
-    /// immersive hemispherical dome environments", 2009, rotates the camera in the same way).
+    /// Omnidirectional stereo: position of the eye that sees a direction (a unit vector), relative to the viewport's eye, in view axes, m. This
+    /// position is perpendicular to the direction and in the plane of the picture's circle. Its distance is `viewing_circle_m` times the sine of the
+    /// angle from the axis: the full radius on the horizon of a dome, zero at the zenith, and continuous in between (P. Bourke, "Omni-directional
+    /// stereoscopic fisheye images for immersive hemispherical dome environments", 2009, rotates the camera in the same way).
     pub fn eye_on_circle_m(&self, direction: DVec3) -> DVec3 {
         direction.cross(DVec3::NEG_Z) * self.viewing_circle_m
     }
@@ -446,7 +445,7 @@ mod tests {
             assert!(apart_m.dot(direction).abs() < 1e-15 && apart_m.z == 0.0, "{apart_m}");
             assert!((apart_m.length() - 0.064 * direction.x.hypot(direction.y)).abs() < 1e-15, "{apart_m}");
         }
-        // Looking to the front, at the bottom of the picture, the right eye is on the right.
+        // For a viewer who looks to the front (the bottom of the picture), the right eye is on the right.
         let front = left.projection.mapping().direction_from_pixel(glam::DVec2::new(50.0, 100.0)).unwrap();
         assert!((right.world_from_view * right.eye_on_circle_m(front) - DVec3::X * 0.032).length() < 1e-12);
         assert_eq!(kind.type_name(), "dome_master");
@@ -512,8 +511,8 @@ mod tests {
         assert_eq!([viewports[0].part, viewports[1].part], [Part::LeftEye, Part::RightEye]);
         let (sin, cos) = cant_rad.sin_cos();
         for (viewport, side) in viewports.iter().zip([-1.0, 1.0]) {
-            // In the room an eye looks along (side sin, 0, -cos). The turn to the left maps x to -z and z to x; the
-            // turn upwards maps -z to y and y to z.
+            // In the room, an eye looks along (side sin, 0, -cos). The rotation to the left maps x to -z and z to x; the rotation upwards maps -z to
+            // y and y to z.
             let ahead = viewport.world_from_view * DVec3::NEG_Z;
             assert!((ahead - DVec3::new(-cos, side * sin, 0.0)).length() < 1e-12, "{ahead}");
             let up = viewport.world_from_view * DVec3::Y;

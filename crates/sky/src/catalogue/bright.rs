@@ -105,7 +105,7 @@ fn rows() -> impl Iterator<Item = &'static str> {
 }
 
 /// Returns the same stars with their names. Designations are those of Bayer, of Flamsteed or of a variable star with the constellation's
-/// abbreviation, such as `alf CMa` or `R Leo`; another one is the number in the Bright Star Catalogue, such as `HR 9077`.
+/// abbreviation, such as `alf CMa` or `R Leo`; other stars have their number in the Bright Star Catalogue, such as `HR 9077`.
 pub fn named_bright_stars(years: f64) -> Vec<NamedStar> {
     rows()
         .zip(bright_stars(years))

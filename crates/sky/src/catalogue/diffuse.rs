@@ -16,9 +16,9 @@ use crate::{
 
 /// Luminance of a texel's unit, cd/m^2.
 pub const TEXEL_UNIT_CD_M2: f64 = 1e-4;
-/// For a moving observer the light is treated as that of a black body of this temperature, kelvin, which is that of a star with B-V = 0.8, ...
+/// For a moving observer, the light is treated as that of a black body of this temperature, kelvin. A star with B-V = 0.8 has this temperature.
 const TEMPERATURE_K: f64 = 5200.0;
-/// ... and R, G and B as its light at these wavelengths, m.
+/// Wavelengths of that light for R, G and B, m.
 const WAVELENGTHS_M: [f64; 3] = [612e-9, 549e-9, 465e-9];
 /// Second radiation constant, m K (CODATA 2018).
 const SECOND_RADIATION_M_K: f64 = 1.438_776_877e-2;

@@ -6,18 +6,18 @@ use glam::{DVec3, Vec3};
 use super::StarRecord;
 use crate::units::ARCSECOND_RAD;
 
-/// One astronomical unit per year in km/s: the speed of 1 arcsec a year at 1 pc.
+/// One astronomical unit per year in km/s: the speed of 1 arcsec per year at 1 pc.
 const KM_S_PER_AU_A: f64 = 4.740_470_446_352;
 
-/// One parsec a Julian year in km/s.
+/// One parsec per Julian year in km/s.
 const KM_S_PER_PC_A: f64 = KM_S_PER_AU_A / ARCSECOND_RAD;
 
 /// A star's motion, in the units of catalogues.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StarMotion {
-    /// Proper motion in right ascension times the cosine of the declination, arcsec a Julian year.
+    /// Proper motion in right ascension times the cosine of the declination, arcsec per Julian year.
     pub pm_ra_arcsec: f64,
-    /// Proper motion in declination, arcsec a Julian year.
+    /// Proper motion in declination, arcsec per Julian year.
     pub pm_dec_arcsec: f64,
     /// Radial velocity, km/s, positive away from the observer; 0 if unknown.
     pub radial_velocity_km_s: f64,
@@ -28,7 +28,7 @@ pub struct StarMotion {
 pub struct StarVelocity {
     /// Index of the star.
     pub star: u32,
-    /// Velocity along the ICRS axes, pc a Julian year; for a star at infinity, radians a Julian year.
+    /// Velocity along the ICRS axes, pc per Julian year; for a star at infinity, radians per Julian year.
     pub velocity: [f32; 3],
 }
 
@@ -62,7 +62,7 @@ impl StarMotion {
         Self { pm_ra_arcsec, pm_dec_arcsec, radial_velocity_km_s }
     }
 
-    /// Velocity of the star's position, pc a Julian year. Without a distance, it is the velocity of the end of the unit vector, radians a Julian
+    /// Velocity of the star's position, pc per Julian year. Without a distance, it is the velocity of the end of the unit vector, radians per Julian
     /// year. The velocity is constant, because stars move along straight lines.
     pub fn velocity(&self, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
         let [east, north] = east_and_north(direction);
@@ -91,7 +91,7 @@ mod tests {
         let (longitude, latitude) = lon_lat_from_direction(motion.after(start, None, 10.0));
         assert!(((longitude - 1.0) * 0.5_f64.cos() / ARCSECOND_RAD - 3.0).abs() < 1e-4);
         assert!(((latitude - 0.5) / ARCSECOND_RAD + 4.0).abs() < 1e-4);
-        // 4.74 km/s is one astronomical unit a year: 1 arcsec a year at 1 pc.
+        // 4.74 km/s is one astronomical unit per year: 1 arcsec per year at 1 pc.
         let away = StarMotion { radial_velocity_km_s: KM_S_PER_AU_A, ..StarMotion::default() };
         let moved_pc = away.after(start, Some(2.0), 100.0).length() - 2.0;
         assert!((moved_pc / (100.0 * ARCSECOND_RAD) - 1.0).abs() < 1e-9, "{moved_pc}");

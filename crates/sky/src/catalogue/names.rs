@@ -302,8 +302,8 @@ fn others_of(wanted: &str) -> Option<String> {
 
 /// Returns the star with a name or designation in a form that people write: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `R Leo`, `HR 2491`.
 /// A number of Gaia without its release is searched in every release, DR3 first. A Greek letter or a number without an index or a component also
-/// means the brightest of the stars that have it with one, or the first of several stars of similar brightness: `gam Vel` is `gam2 Vel`, `alf Cen` is
-/// `alf Cen A`, `61 Cyg` is `61 Cyg A`.
+/// finds the stars that have it with one: it means the brightest of them, or the first of several stars of similar brightness: `gam Vel` is `gam2
+/// Vel`, `alf Cen` is `alf Cen A`, `61 Cyg` is `61 Cyg A`.
 pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) -> Option<&'a NamedStar> {
     let wanted = canonical(name);
     let called = |wanted: &str| stars.clone().find(|star| star.all().any(|known| canonical(known) == wanted));
@@ -482,7 +482,7 @@ mod tests {
             let found = find(stars.iter(), name).unwrap_or_else(|| panic!("{name} is not found"));
             assert_eq!(number(found).as_deref(), Some(hr), "{name}");
         }
-        // No Mira variable of the table has its number alone.
+        // Every Mira variable of the table has another designation than its number.
         for (hr, ..) in MIRA_VARIABLES {
             let found = find(stars.iter(), &format!("HR {hr}")).unwrap_or_else(|| panic!("HR {hr} is not found"));
             assert!(!found.designation.starts_with("HR"), "{}", found.designation);

@@ -295,7 +295,7 @@ impl fmt::Display for ReadReport {
     }
 }
 
-/// Errors of reading a catalogue. Every message names the file.
+/// Errors from reading a catalogue. Every message names the file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CatalogueError {

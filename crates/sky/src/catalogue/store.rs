@@ -30,7 +30,7 @@ pub const VERSION: u32 = 2;
 /// Longest description, bytes.
 const LONGEST_DESCRIPTION: usize = 1 << 16;
 
-/// Errors of writing and reading a store.
+/// Errors from writing or reading a store.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {

@@ -3,7 +3,7 @@
 //! Elements: General Catalogue of Variable Stars 5.1 (Samus et al. 2017), except
 //! - Algol: a linear fit to the minima that K. Nagai published in the Variable Star Bulletin of VSOLJ, 2008 to 2015; the elements of the General
 //!   Catalogue, from 1983, are four hours early in 2022;
-//! - beta Lyrae, whose period grows by 19 s a year: Rucinski et al. 2019 (AJ 156, 12), valid for decades around 2018;
+//! - beta Lyrae, whose period grows by 19 s per year: Rucinski et al. 2019 (AJ 156, 12), valid for decades around 2018;
 //! - the range of Mira variables, which differs from one period to the next: mean maxima and minima (Campbell 1955, *Studies of Long Period
 //!   Variables*, AAVSO).
 //!
@@ -122,7 +122,7 @@ pub fn magnitudes(years: f64) -> [f64; COUNT] {
     steps(years).map(|step| f64::from(step) * STEP_MAG)
 }
 
-/// The same in units of the step; the result changes only if a magnitude changes.
+/// The same magnitudes in units of the step; the result changes only if a magnitude changes.
 pub fn steps(years: f64) -> [i16; COUNT] {
     let jd = J2000_JD + years * (JULIAN_YEAR_S / DAY_S);
     VARIABLE_STARS.map(|star| (star.magnitude(jd) / STEP_MAG).round() as i16)

@@ -23,7 +23,7 @@ const LONGITUDES: [f64; 19] = [
     0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0, 135.0, 150.0, 165.0,
     180.0,
 ];
-/// Stars of the Sun's colour and V = 10 per square degree. 0: not measured, closer than 15 degrees to the Sun.
+/// Brightness in stars of the Sun's colour and V = 10 per square degree. 0: not measured, closer than 15 degrees to the Sun.
 const TABLE: [[f64; 11]; 19] = [
     [0.0, 0.0, 0.0, 3140.0, 1610.0, 985.0, 640.0, 275.0, 150.0, 100.0, 77.0],
     [0.0, 0.0, 0.0, 2940.0, 1540.0, 945.0, 625.0, 271.0, 150.0, 100.0, 77.0],
@@ -73,7 +73,7 @@ static LOGARITHMS: LazyLock<[[f64; 11]; 19]> = LazyLock::new(|| {
 
 /// The light in axes whose x points to the Sun's ecliptic longitude and whose z is the pole of the ecliptic.
 static WHOLE: LazyLock<Arc<DiffuseSky>> = LazyLock::new(|| Arc::new(map(0.0)));
-/// The same without the part of the light that is everywhere.
+/// The same light without the part that is everywhere.
 static ABOVE_DARKEST: LazyLock<Arc<DiffuseSky>> = LazyLock::new(|| Arc::new(map(DARKEST_S10)));
 
 /// Brightness at an ecliptic longitude from the Sun and a latitude, rad, in stars of the Sun's colour and V = 10 per square degree. The logarithm is
@@ -176,7 +176,7 @@ mod tests {
             let pole = icrs_from_ecliptic() * DVec3::Z;
             let x = light.sky_from_icrs.transpose() * DVec3::X;
             assert!(x.dot(pole).abs() < 1e-12 && x.dot(to_sun) > 0.9);
-            // 90 degrees east and 30 degrees from the ecliptic: 132 S10. 180 degrees: 230.
+            // The table has 132 S10 at 90 degrees east and 30 degrees from the ecliptic, and 230 S10 at 180 degrees.
             let east = pole.cross(x);
             let place = east * f64::to_radians(30.0).cos() + pole * f64::to_radians(30.0).sin();
             for (towards, s10) in [(place, 132.0), (-x, 230.0), (pole, 77.0), (-pole, 77.0)] {

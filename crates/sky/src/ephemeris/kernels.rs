@@ -2,9 +2,9 @@
 //!
 //! A segment of a kernel gives the position of a body relative to its centre; the position relative to the barycentre
 //! of the Solar System is the sum along the chain of centres. The chain ends at that barycentre, at the Earth, or at a
-//! body of the Solar System that no kernel contains. For the Earth, it continues with the position on which observers
-//! are placed, so that satellites have the distance that their kernel gives. A body that no kernel contains has its
-//! position from VSOP87 or ELP.
+//! body of the Solar System that no kernel contains. From the Earth, it continues with the position on which observers
+//! are placed, so that satellites have the distance from the Earth that their kernel gives. A body that no kernel
+//! contains has its position from VSOP87 or ELP.
 //!
 //! The barycentre of DE440 differs from that of VSOP87 by 1,000 to 1,400 km. So a chain that ends at the barycentre
 //! is shifted by the difference between kernels and VSOP87 in the position of the Earth, or of the Sun if no kernel
@@ -77,8 +77,8 @@ impl PartialEq for Kernels {
 /// Paths, times and sizes of the files that were read last, and their kernels.
 type Held = Option<(Vec<(PathBuf, Option<SystemTime>, u64)>, Arc<Kernels>)>;
 
-/// The kernels that were read last: a scene is rebuilt for every change of a configuration, and kernels have up to a
-/// gigabyte.
+/// The kernels that were read last: a scene is rebuilt for every change of a configuration, and kernels are up to a
+/// gigabyte in size.
 static HELD: Mutex<Held> = Mutex::new(None);
 
 fn read(file: &Path) -> Result<SPK, KernelError> {
@@ -107,12 +107,13 @@ fn check_data(segment: &impl NAIFSummaryRecord, bytes: usize) -> Result<(), Stri
     }
     let words = bytes / WORD_BYTES;
     let id = segment.id();
-    Err(damaged(&format!("the data of {id} are its 8-byte numbers {first} to {last}, but it has only {words}")))
+    Err(damaged(&format!("the data of {id} are at 8-byte numbers {first} to {last}, but the file has only {words}")))
 }
 
 impl Kernels {
-    /// Reads kernels; reuses the ones that were read last while their files are unchanged. Errors: a file that cannot
-    /// be read, is not an SPK kernel or is not complete, and a segment on axes other than those of ICRS (J2000).
+    /// Reads kernels; reuses the ones that were read last while their files are unchanged. These are errors: a file
+    /// that cannot be read, is not an SPK kernel or is incomplete, and a segment on axes other than those of ICRS
+    /// (J2000).
     pub fn load(files: &[PathBuf]) -> Result<Arc<Self>, KernelError> {
         let mut stamps = Vec::new();
         for file in files {
@@ -256,12 +257,13 @@ impl Kernels {
     /// Message that no kernel has a number, with the numbers that exist.
     pub fn unknown(&self, number: i32) -> String {
         let known: Vec<String> = self.numbers().map(|number| number.to_string()).collect();
-        format!("spk:{number}: not in any kernel of scene.kernels, which have {}", known.join(", "))
+        format!("spk:{number}: not in any kernel of scene.kernels; they contain {}", known.join(", "))
     }
 }
 
 impl Ephemeris {
-    /// The body of the Solar System with this ephemeris, whose rotation it has; `None` for any other body.
+    /// Returns the body of the Solar System that this ephemeris describes, whose rotation applies; `None` for any other
+    /// object.
     pub fn stands_as(self) -> Option<SolarBody> {
         match self {
             Self::Of(body) => Some(body),

@@ -1,6 +1,6 @@
 //! The Moon: the semi-analytical theory ELP/MPP02 (J. Chapront and G. Francou, "The lunar theory ELP revisited",
 //! Astronomy and Astrophysics 404, 735, 2003), truncated at 0.01 arcsec. Compared with JPL's DE440 from 1900 to 2100,
-//! its mean error is 0.12 arcsec, its largest 0.51, and 0.6 km in distance.
+//! its error is 0.12 arcsec on average and 0.51 arcsec at most, and 0.6 km in distance.
 
 use std::sync::LazyLock;
 

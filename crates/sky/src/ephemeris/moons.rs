@@ -1,6 +1,7 @@
 //! The largest moons of Jupiter and Saturn: equinoctial elements as sums of few periodic terms, fitted to JPL's
 //! jup365 and to TASS 1.7 (`moons.csv`). From 1931 to 2068, at times outside the fit, Jupiter's moons have an error of
-//! 55 km on average (0.02 arcsec) and 131 km at most. Titan has 36 and 84 km from 1800 to 2200.
+//! 55 km on average (0.02 arcsec) and 131 km at most. From 1800 to 2200, Titan has an error of 36 km on average and 84
+//! km at most.
 
 use std::sync::LazyLock;
 

@@ -1,6 +1,6 @@
 //! The Sun and the planets by VSOP87 (P. Bretagnon and G. Francou, "Planetary theories in rectangular and spherical
-//! variables", Astronomy and Astrophysics 202, 309, 1988), all terms. Uranus and Neptune, whose orbits were less well
-//! known then, are corrected to DE440 from 1800 to 2200; outside these years the correction keeps its value at the
+//! variables", Astronomy and Astrophysics 202, 309, 1988), with all terms. Uranus and Neptune, whose orbits were less
+//! well known then, are corrected to DE440 from 1800 to 2200; outside these years the correction keeps its value at the
 //! limit.
 
 use std::sync::LazyLock;
@@ -48,7 +48,8 @@ pub(super) fn sun_m(tdb_s: f64) -> DVec3 {
     icrs_m(&vsop87e::sun(julian_date(tdb_s)))
 }
 
-/// Position of a planet relative to the Sun, likewise; zero for the Sun and for moons, which other modules place.
+/// Position of a planet relative to the Sun, with the same axes and units; zero for the Sun and for moons, which other
+/// modules place.
 pub(super) fn heliocentric_m(planet: SolarBody, tdb_s: f64) -> DVec3 {
     let jd = julian_date(tdb_s);
     let place = match planet {

@@ -50,8 +50,8 @@ fn year_of(time_s: f64) -> f64 {
     2000.0 + time_s / JULIAN_YEAR_S
 }
 
-/// TT - UT1 after the announced leap seconds, s, by the same source as [`estimated_delta_t_s`]. The source's curve for our century, of 2005, has
-/// turned out 6.5 s too high. The correction for this fades to zero at the year from which the curve is a parabola.
+/// TT - UT1 after the announced leap seconds, s, by the same source as [`estimated_delta_t_s`]. The source's curve for this century is from 2005, and
+/// has turned out to be 6.5 s too high. The correction for this fades to zero at the year from which the curve is a parabola.
 fn predicted_delta_t_s(year: f64) -> f64 {
     let published = |year: f64| {
         let parabola = polynomial(&[-20.0, 0.0, 32.0], (year - 1820.0) / 100.0);

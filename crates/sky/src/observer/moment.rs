@@ -31,8 +31,8 @@ pub struct Observer {
     pub clock: Clock,
     /// Moment of the epoch, s since 2000-01-01T12:00:00 of civil time.
     pub epoch_s: f64,
-    /// State of the observer at the epoch. Stars are loaded as seen from its position and the scene is drawn from
-    /// there, also after the observer has [moved](Self::moved).
+    /// State of the observer at the epoch. Stars are loaded as seen from its position. The scene is drawn from there,
+    /// even after the observer has [moved](Self::moved).
     pub epoch: Standpoint,
 }
 
@@ -43,7 +43,7 @@ impl Observer {
     }
 
     /// Returns the observer at another place, or with other parameters of the Earth's rotation. The scene is still
-    /// drawn from the old position, so that a camera can stay.
+    /// drawn from the old position, so that a camera keeps its place.
     #[must_use]
     pub fn moved(&self, place: Place, clock: Clock) -> Self {
         let epoch = Standpoint { position_m: self.epoch.position_m, ..place.standpoint(self.epoch_s, &clock) };
@@ -252,7 +252,7 @@ impl Frame {
 /// a position angle from the pole through increasing longitude. Angles in rad.
 pub fn frame_from_camera(longitude_rad: f64, latitude_rad: f64, roll_rad: f64) -> DQuat {
     let ahead = direction_from_lon_lat(longitude_rad, latitude_rad);
-    // The up direction is that of increasing latitude, which is defined at the poles too.
+    // The up direction is that of increasing latitude, which is defined even at the poles.
     let up = direction_from_lon_lat(longitude_rad, latitude_rad + FRAC_PI_2);
     let level = DQuat::from_mat3(&DMat3::from_cols(ahead.cross(up), up, -ahead));
     (level * DQuat::from_rotation_z(roll_rad)).normalize()

@@ -25,7 +25,7 @@ pub struct Place {
     pub latitude_rad: f64,
     /// Longitude, rad, east positive.
     pub longitude_rad: f64,
-    /// Height over the ellipsoid, m.
+    /// Height above the ellipsoid, m.
     pub height_m: f64,
 }
 
@@ -103,7 +103,8 @@ impl Standpoint {
         self.apparent_of_m(|at_s| body.barycentric_m(at_s))
     }
 
-    /// The same for a body whose position relative to the barycentre, m, is given as a function of time.
+    /// As [`Self::apparent_m`], for a body whose position relative to the barycentre, m, is given as a function of
+    /// time.
     pub fn apparent_of_m(&self, barycentric_m: impl Fn(f64) -> DVec3) -> DVec3 {
         self.aberrated(astrometric_m(barycentric_m, self.position_m, self.tt_s))
     }

@@ -12,9 +12,9 @@ use glam::{DMat3, DVec3};
 
 use crate::{photometry::atmosphere::standard_air, units::KELVIN_OF_ZERO_CELSIUS};
 
-/// A, a, b, c and d for the sine of the apparent altitude.
+/// Coefficients A, a, b, c and d for the sine of the apparent altitude.
 pub const OF_SEEN: [f64; 5] = [2.834e-4, 1.1994e-3, 2.3775e-3, 7.0109e-3, 0.12504];
-/// The same for the sine of the true altitude in standard air: within 7 arcsec.
+/// Coefficients for the sine of the true altitude in standard air; the error is within 7 arcsec.
 pub const OF_ARRIVING: [f64; 5] = [2.8363e-4, 1.52593e-3, 2.98557e-3, 1.174432e-2, 0.177_913_33];
 /// Below these sines, the formula keeps the value that it has at them.
 pub const LOWEST_SEEN: f64 = -0.0175;
@@ -56,7 +56,7 @@ pub struct Refraction {
 }
 
 impl RefractingAir {
-    /// Air of the standard atmosphere (ISO 2533) at a height over the sea, m, up to 50 km.
+    /// Air of the standard atmosphere (ISO 2533) at a height above the sea, m, up to 50 km.
     pub fn at_height(height_m: f64) -> Self {
         let (pressure_hpa, temperature_c) = standard_air(height_m);
         Self { pressure_hpa, temperature_c }
@@ -79,7 +79,7 @@ impl RefractingAir {
     }
 }
 
-/// Apparent depth of the sea's horizon below altitude 0, rad, from a height over the sea, m, with or without air.
+/// Apparent depth of the sea's horizon below altitude 0, rad, from a height above the sea, m, with or without air.
 pub fn dip_rad(height_m: f64, air: Option<&RefractingAir>) -> f64 {
     let bent = BENT * air.map_or(0.0, RefractingAir::density);
     (EARTH_M / (EARTH_M + height_m.max(0.0))).acos() * (1.0 - bent).max(0.0).sqrt()
@@ -96,7 +96,7 @@ fn of_seen(density: f64, sine: f64) -> f64 {
     density * kept * fraction(OF_SEEN, sine.max(LOWEST_SEEN))
 }
 
-/// The same for the true altitude.
+/// As [`of_seen`], for the true altitude.
 fn of_arriving(density: f64, sine: f64) -> f64 {
     let cosine_squared = (1.0 - sine * sine).max(0.0);
     let mut found = density * fraction(OF_ARRIVING, sine.max(LOWEST_ARRIVING));
@@ -153,7 +153,7 @@ impl Refraction {
     /// Upper bound of the refraction, rad, within a cone of a half-angle around an axis.
     pub fn most_rad(&self, axis: DVec3, half_angle_rad: f64) -> f64 {
         let lowest = (axis.dot(self.zenith).clamp(-1.0, 1.0).asin() - half_angle_rad).max(LOWEST_ARRIVING);
-        // Below this altitude refraction fades, and above it is smaller.
+        // Below this altitude, refraction fades; above this altitude, it is smaller.
         (of_arriving(self.density, lowest.sin()) * lowest.cos()).atan() * 1.01
     }
 }

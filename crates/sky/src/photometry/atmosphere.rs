@@ -1,4 +1,4 @@
-//! The air over an observer: extinction of the light that passes through it, and the light that it scatters.
+//! The air above an observer: extinction of the light that passes through it, and the light that it scatters.
 //!
 //! **Extinction** in magnitudes per air mass is the sum of molecules (inverse fourth power of the wavelength),
 //! aerosol (power -1.3) and ozone, after B. E. Schaefer, "Astronomy and the limits of vision", Vistas in Astronomy
@@ -67,9 +67,10 @@ const TWILIGHT: [[f64; 2]; 9] = [
     [0.0, 0.0],
 ];
 
-/// Correction factors on the model's light for a source at an altitude, rad: on light scattered once, and on light
-/// scattered more often. Where the model is too bright, both are reduced. Where it is too dark, in deep twilight, light
-/// scattered often is missing: the arch over the source is lit directly and keeps its light.
+/// Correction factors for the model's light from a source at an altitude, rad: one for light scattered once, and one
+/// for light scattered more than once. If the model is too bright, both reduce the light. In deep twilight the model is
+/// too dark, because it lacks light that was scattered many times. The arch above the source is lit directly, so that
+/// its light is not changed.
 pub fn measured_over_model(source_rad: f64) -> [f64; 2] {
     let altitude = source_rad.to_degrees();
     let [first, last] = [TWILIGHT[0], TWILIGHT[TWILIGHT.len() - 1]];
@@ -87,7 +88,7 @@ pub fn air_mass(sine: f64) -> f64 {
     1.0 / (sine + 0.025 * (-11.0 * sine).exp())
 }
 
-/// Pressure, hPa, and temperature, degrees Celsius, of the standard atmosphere (ISO 2533) at a height over the sea, m,
+/// Pressure, hPa, and temperature, degrees Celsius, of the standard atmosphere (ISO 2533) at a height above the sea, m,
 /// up to 50 km. The height is taken as geopotential: at 50 km the pressure is 5 % too low.
 pub fn standard_air(height_m: f64) -> (f64, f64) {
     let height_m = height_m.max(LOWEST_M);
@@ -110,13 +111,13 @@ pub fn standard_air(height_m: f64) -> (f64, f64) {
     (pressure_hpa, kelvin - KELVIN_OF_ZERO_CELSIUS)
 }
 
-/// Pressure at a height over the sea, m, relative to that at sea level; below the sea 1.
+/// Pressure at a height above the sea, m, relative to that at sea level; 1 below the sea.
 fn pressure_share(height_m: f64) -> f64 {
     standard_air(height_m.max(0.0)).0 / SEA_HPA
 }
 
-/// Extinction of clear air at a height over the sea, m, V magnitudes per air mass: 0.2 at sea level and below it. It
-/// falls with height without a step, to 8e-5 at 50 km.
+/// Extinction of clear air at a height above the sea, m, V magnitudes per air mass: 0.2 at sea level and below it. It
+/// decreases continuously with height, to 8e-5 at 50 km.
 pub fn clear_extinction_mag(height_m: f64) -> f64 {
     let height_km = height_m.max(0.0) / 1e3;
     MOLECULES_MAG * pressure_share(height_m)
@@ -136,8 +137,8 @@ pub struct Air {
 }
 
 impl Air {
-    /// Air with an extinction of `extinction_mag` in V per air mass, at a height over the sea, m, with an airglow of
-    /// luminance `glow_cd_m2` in the zenith. Takes a tenth of a second.
+    /// Air with an extinction of `extinction_mag` in V per air mass, at a height above the sea, m, with an airglow of
+    /// luminance `glow_cd_m2` in the zenith. The computation takes a tenth of a second.
     pub fn new(extinction_mag: f64, height_m: f64, glow_cd_m2: [f64; 3]) -> Self {
         let height_km = (height_m / 1e3).max(0.0);
         let pressure = pressure_share(height_m);
@@ -353,14 +354,14 @@ mod tests {
                 if altitude >= 5.0 {
                     assert!((1.0 / 1.5..1.5).contains(&(found / published)), "{altitude}: {found} {published}");
                 }
-                // In the lowest degrees the air is opaque, which the formula ignores: there the sky has the mean
-                // luminance of the sky and ground around the air.
+                // In the lowest degrees the air is opaque, which the formula ignores. There the sky has the mean
+                // luminance of the sky and the ground that surround the air.
                 assert!(found > 0.6 && found < 2.3, "{altitude}: {found}");
                 if altitude <= 2.0 {
                     assert!(attenuated < 0.5 * found, "scattered light dominates: {altitude}");
                 }
             }
-            // No step, neither at altitude 0 nor above.
+            // The light has no step, neither at altitude 0 nor above.
             let lowest = air.scattered.lowest_rad().to_degrees();
             let mut before = luminance(air.glow(lowest.to_radians()));
             for step in 1..1000 {

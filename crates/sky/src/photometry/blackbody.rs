@@ -94,7 +94,7 @@ pub fn luminance_cd_m2(temperature_k: f64) -> f64 {
     LUMINOUS_EFFICACY_LM_W * radiance_m * STEP_M
 }
 
-/// Natural logarithm of [`luminance_cd_m2`], also where the luminance itself underflows f64. Temperatures are clamped
+/// Natural logarithm of [`luminance_cd_m2`], even where the luminance itself underflows f64. Temperatures are clamped
 /// to 1 to 1e12 K; NaN gives NaN.
 pub fn ln_luminance_cd_m2(temperature_k: f64) -> f64 {
     let temperature_k = temperature_k.clamp(LIMITING_TEMPERATURES_K[0], LIMITING_TEMPERATURES_K[1]);
@@ -107,7 +107,7 @@ pub fn ln_luminance_cd_m2(temperature_k: f64) -> f64 {
     (y * scale / -(-x).exp_m1()).ln() - x
 }
 
-/// Errors of making a [`BlackbodyTable`].
+/// Errors from making a [`BlackbodyTable`].
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum BlackbodyTableError {

@@ -50,8 +50,8 @@ const BP_RP_TEMPERATURE: [(f64, f64); 29] = [
     (5.00, 2_400.0),
 ];
 
-/// (B-V in magnitudes, temperature in kelvin). Redder than 1.4, where B-V hardly changes along the M dwarfs, the
-/// points follow giants and supergiants, which are nearly all naked-eye stars of that colour, and end with carbon
+/// (B-V in magnitudes, temperature in kelvin). Beyond 1.4, B-V hardly changes along the M dwarfs. There the points
+/// follow giants and supergiants, because nearly all naked-eye stars of that colour belong to them, and end with carbon
 /// stars.
 const B_V_TEMPERATURE: [(f64, f64); 29] = [
     (-0.330, 44_900.0),

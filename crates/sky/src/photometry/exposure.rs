@@ -34,8 +34,8 @@ pub fn key_compensation_ev(key: f64) -> f64 {
     (STANDARD_KEY / key).log2()
 }
 
-/// Mean luminance of pixels, cd/m^2, weighted by solid angle; each pixel is its luminance and its solid angle in sr.
-/// Pixels that are not finite are ignored; if none is left, the mean is 0.
+/// Mean luminance of pixels, cd/m^2, weighted by solid angle; each pixel is given by its luminance and its solid angle,
+/// sr. Pixels that are not finite are ignored; if none is left, the mean is 0.
 pub fn mean_luminance_cd_m2(pixels: impl IntoIterator<Item = [f64; 2]>) -> f64 {
     let (mut light_lx, mut solid_angle_sr) = (0.0, 0.0);
     for [luminance_cd_m2, pixel_sr] in pixels {

@@ -1,6 +1,6 @@
 //! Photometry: conversion of magnitude and temperature to light, and its distribution over pixels.
 //!
-//! - `atmosphere` and `sky_light`: the air over an observer
+//! - `atmosphere` and `sky_light`: the air above an observer
 //! - `cie1931` and `rec709`: colorimetric standards
 //! - `blackbody`: colours from temperatures
 //! - `kernel`: distribution of a star's light over pixels

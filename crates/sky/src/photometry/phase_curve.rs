@@ -1,12 +1,12 @@
-//! Measured brightness of the planets and the Moon against phase: A. Mallama and J. L. Hilton, "Computing apparent
-//! planetary magnitudes for The Astronomical Almanac", Astronomy and Computing 25, 10, 2018; the Moon by C. W. Allen,
-//! "Astrophysical Quantities", 3rd edition, section 66, with the opposition surge of K. Krisciunas and B. E.
+//! Measured brightness of the planets and the Moon as a function of phase: A. Mallama and J. L. Hilton, "Computing
+//! apparent planetary magnitudes for The Astronomical Almanac", Astronomy and Computing 25, 10, 2018; the Moon by C. W.
+//! Allen, "Astrophysical Quantities", 3rd edition, section 66, with the opposition surge of K. Krisciunas and B. E.
 //! Schaefer, Publications of the Astronomical Society of the Pacific 103, 1033, 1991; the moons of Jupiter and Saturn
 //! by the Explanatory Supplement to the Astronomical Almanac, 3rd edition, 10.5.
 //!
 //! A curve gives V(1, a): the V magnitude at one astronomical unit from the Sun and from the eye, at the phase angle
-//! a. A surface is shaded by its reflection law. One factor on its light, for the phase angle at which it is seen,
-//! gives the body the brightness of its curve and keeps the shading of the law.
+//! a. A surface is shaded by its reflection law. Its light is multiplied by one factor, which depends on the phase
+//! angle at which it is seen. The factor gives the body the brightness of its curve and keeps the shading of the law.
 
 use super::{reflection::ReflectionLaw, rings};
 use crate::{

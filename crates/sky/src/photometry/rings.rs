@@ -47,7 +47,7 @@ impl Zone {
 }
 
 /// Illuminance at an eye from rings whose luminance is [`Zone::reflected`]; the luminance for a given illuminance is
-/// obtained by dividing by it. `radius_over_distance` is Saturn's equatorial radius over the distance of the eye.
+/// obtained by dividing by it. `radius_over_distance` is Saturn's equatorial radius divided by the distance of the eye.
 /// `None` if the rings are seen or lit edge-on.
 pub fn illuminance_of_unit(mu_eye: f64, mu_sun: f64, radius_over_distance: f64) -> Option<f64> {
     if mu_eye < LEAST_COSINE || mu_sun < LEAST_COSINE {

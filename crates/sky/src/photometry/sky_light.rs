@@ -1,13 +1,13 @@
 //! Light scattered by a clear atmosphere, by day and in twilight, from the Sun or the Moon.
 //!
 //! Air of molecules, aerosol and ozone surrounds a spherical Earth. Light scattered once is integrated along the line
-//! of sight, outside the Earth's shadow. Light scattered more often is treated as isotropic at each point and summed
-//! as a geometric series of its first term (S. Hillaire, "A scalable and production ready sky and atmosphere
+//! of sight, outside the Earth's shadow. Light scattered more than once is treated as isotropic at each point and
+//! summed as a geometric series of its first term (S. Hillaire, "A scalable and production ready sky and atmosphere
 //! rendering technique", Computer Graphics Forum 39, 2020), scaled in twilight to the measured zenith
-//! ([`measured_over_model`]). Optical depths are those of the extinction
-//! ([`super::atmosphere`]). Above the observer the density of molecules falls by e in 8 km; below, it rises to that at
-//! sea level, so that a high observer sees the dense air below the horizon. Left out: refraction, clouds, polarisation,
-//! and light reflected by the ground.
+//! ([`measured_over_model`]). Optical depths are those of the extinction ([`super::atmosphere`]). Above the observer
+//! the density of molecules falls by a factor of e per 8 km; below the observer it rises to the density at sea level,
+//! so that a high observer sees the dense air below the horizon. Refraction, clouds, polarisation, and light reflected
+//! by the ground are left out.
 //!
 //! Tables hold the light from a source of 1 lx; they depend on its altitude alone. They reach down to the lowest line
 //! of sight that misses the Earth. [`night`] is the light of the sky without a source.
@@ -39,8 +39,8 @@ const OZONE_KM: [f64; 2] = [25.0, 15.0];
 const AEROSOL_ALBEDO: f64 = 0.9;
 /// Asymmetry of its phase function (W. M. Cornette and J. G. Shanks, Applied Optics 31, 3152, 1992).
 pub const ASYMMETRY: f64 = 0.76;
-/// Number of steps along a line of sight, along one of the lines that collect light to be scattered again, and along
-/// one to the source.
+/// Numbers of steps along a line of sight, along a line that collects light to be scattered again, and along a line to
+/// the source.
 const STEPS: usize = 40;
 const STEPS_OF_MANY: usize = 24;
 const LIGHT_STEPS: usize = 60;
@@ -67,9 +67,9 @@ pub struct Depths {
     pub molecules: [f64; 3],
     /// Depths of aerosol.
     pub aerosol: [f64; 3],
-    /// Depths of the whole layer of ozone, which absorbs: also of the part below the position.
+    /// Depths of the whole layer of ozone, which absorbs. They include the part of the layer below the position.
     pub ozone: [f64; 3],
-    /// Height of the position over the sea, km.
+    /// Height of the position above the sea, km.
     pub height_km: f64,
     /// Scale height of molecules below the position, km.
     pub molecules_below_km: f64,

@@ -3,9 +3,9 @@
 //!
 //! Four operators depend on the exposure: their input is linear Rec. 709 divided by the luminance of display white
 //! (`exposure`); 1 is white and larger values are brighter than the display. The fifth, `calibrated`, uses the
-//! luminance range of the display and shows cd/m^2 as cd/m^2, whatever the exposure. [`curves`] has the curves, their
-//! sources and a table. Two optional steps surround them: the eye's response to dim light before ([`scotopic`]), and
-//! after them the preservation of hue of light outside the display's range ([`hue`]).
+//! luminance range of the display and displays each luminance unchanged, independent of the exposure. [`curves`] has
+//! the curves, their sources and a table. Two optional steps surround them. Before them comes the eye's response to dim
+//! light ([`scotopic`]); after them comes the preservation of hue for light outside the display's range ([`hue`]).
 //!
 //! A channel that is NaN or negative is displayed as black, an infinite one as the brightest value.
 
@@ -23,8 +23,8 @@ use super::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, white_luminance_cd_m2};
 pub use super::rec709::luminance;
 use crate::ranges::{KeyEffects, Obstacle};
 
-/// Brighter light is clamped to this, both in cd/m^2 and in units of display white. Sums of three such values stay
-/// finite in f32 too.
+/// Brighter light is clamped to this value, both in cd/m^2 and in units of display white. Sums of three such values
+/// stay finite even in f32.
 pub const BRIGHTEST: f64 = 1e30;
 
 /// Display value of linear `value`: the sRGB transfer curve (IEC 61966-2-1). Not clipped; NaN gives NaN.
@@ -56,7 +56,7 @@ pub enum ToneMapOperator {
     Reinhard,
     /// Narkowicz's fit of the ACES film curve, per channel.
     Aces,
-    /// Absolute: cd/m^2 on a display of known peak and black, whatever the exposure.
+    /// Absolute: displays each luminance unchanged on a display of known peak and black, independent of the exposure.
     Calibrated,
 }
 
@@ -119,7 +119,7 @@ impl KeyEffects for ToneMapSettings {
 }
 
 impl ToneMapSettings {
-    /// The default settings with this operator.
+    /// Returns the default settings with this operator.
     pub fn of(operator: ToneMapOperator) -> Self {
         Self { operator, ..Self::default() }
     }
@@ -157,7 +157,7 @@ impl ToneMapSettings {
             return by_channel;
         }
         let linear = by_channel.map(linear_from_srgb);
-        // Curves that act on each channel define a luminance only by their result.
+        // A curve that acts on each channel defines the luminance only by its result.
         let wanted = match self.operator {
             ToneMapOperator::Filmic | ToneMapOperator::Aces => luminance(linear),
             ToneMapOperator::Srgb | ToneMapOperator::Calibrated => luminance(value),
@@ -172,7 +172,7 @@ impl ToneMapSettings {
     pub fn greatest_slope(&self) -> f64 {
         const STEPS_PER_OCTAVE: f64 = 16.0;
         const OCTAVES: f64 = 20.0;
-        // The white of `calibrated` is its peak, whatever the exposure.
+        // The white of `calibrated` is its peak, independent of the exposure.
         let white = self.white_ev100().map_or(1.0, |_| self.peak_cd_m2);
         let ratio = STEPS_PER_OCTAVE.recip().exp2();
         let display_value = |value: f64| self.display_rgb([value * white; 3], white)[0];

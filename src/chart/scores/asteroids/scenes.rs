@@ -211,7 +211,7 @@ fn scene(bodies: Vec<Arc<Body>>, fields: Vec<Arc<AsteroidField>>) -> SceneSnapsh
     }
 }
 
-/// A uniformly luminous sphere that fills nearly half of the sky ahead.
+/// Returns a uniformly luminous sphere that fills nearly half of the sky ahead.
 fn shining() -> Body {
     Body {
         name: "behind".to_owned(),
@@ -226,7 +226,7 @@ fn shining() -> Body {
     }
 }
 
-/// Largest mean radius, px, at which no part of an asteroid is drawn as a mesh.
+/// Returns the largest mean radius, px, at which no part of an asteroid is drawn as a mesh.
 fn taken_over_px(rules: &ClassRules, shape: &Shape, pixel_rad: f64) -> f64 {
     let meshes = |radius_px: f64| {
         let errors = shape.lods.iter().map(|lod| lod.error);

@@ -52,7 +52,7 @@ fn wrong_pictures_have_expected_errors_and_correct_ones_none() {
     let grown = draw(&scenes, 1.2, 0.0, 0.0, 1.0);
     let iou = figure(&grown, AsteroidMetric::SilhouetteIou);
     assert!((0.5..0.8).contains(&iou), "{iou}");
-    // The largest radius is about 9 px, of which a fifth is 1.8.
+    // The largest radius is about 9 px, and a fifth of it is 1.8 px.
     let outline = figure(&grown, AsteroidMetric::OutlinePx);
     assert!((1.0..2.5).contains(&outline), "{outline}");
     let tilted = figure(&draw(&scenes, 1.0, 0.0, 0.1, 1.0), AsteroidMetric::NormalDeg);

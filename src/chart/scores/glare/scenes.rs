@@ -32,13 +32,12 @@ const FAINTEST_V: f64 = 3.55;
 const OFF_AXIS_RAD: [f64; 2] = [PI / 4.0, PI / 3.0];
 /// Upper limit of these angles as a share of half of the field of view.
 const OF_HALF_FIELD: f64 = 0.85;
-/// Radius of the circles around them, in pixels at the centre: interpolation between pixels adds 0.5 % to the
-/// deviation.
+/// Radius of the circles around these sources, in pixels at the centre: interpolation between pixels adds 0.5 % to the deviation.
 const CIRCLE_PX: f64 = 12.0;
-/// The falloff is fitted from this many pixels at the centre to this angle or 0.8 of the half field.
+/// Range of the fit of the falloff: from the angle of this many pixels at the centre to this angle, or to 0.8 of the half field if that is less.
 const SLOPE_FROM_PX: f64 = 8.0;
 const SLOPE_TO_RAD: f64 = PI / 3.0;
-/// Angular distance of the outside source from the picture, rad.
+/// Angular distance from the picture to the source outside of it, rad.
 const OUTSIDE_RAD: f64 = 2.0 * PI / 180.0;
 /// Direction of the single star: on the front face of a cube some pixels from the edge, or inside the picture of any
 /// view.
@@ -86,13 +85,13 @@ pub struct GlareScenes {
     pub slope_rad: [f64; 2],
     /// Light of `central` expected in the pictures, lx.
     pub flux_lx: f64,
-    /// `None` if the view has no outside.
+    /// `None` if the view shows the whole sky.
     pub outside: Option<(SceneSnapshot, Vec<Compared>)>,
     /// Pixels of `central` on both sides of the edges of a cube; empty for other views.
     pub edges: Vec<[Compared; 2]>,
 }
 
-/// A single star of magnitude 0, seen along the world axes.
+/// Returns a scene of a single star of magnitude 0, seen along the world axes.
 fn one_star(towards: DVec3) -> Placed {
     let direction = towards.normalize();
     let (magnitude, temperature_k) = (0.0, SOLAR_TEMPERATURE_K);
@@ -104,7 +103,7 @@ fn one_star(towards: DVec3) -> Placed {
     }
 }
 
-/// Half of the horizontal and vertical field of view, rad; `None` for a view of the whole sky.
+/// Returns half of the horizontal and vertical field of view, rad; `None` for a view of the whole sky.
 fn half_field_rad(view: ViewShape) -> Option<[f64; 2]> {
     match view {
         ViewShape::Flat([width, height]) => {
@@ -184,7 +183,7 @@ impl GlareScenes {
         images(&self.rig, self.view)
     }
 
-    /// Luminance of the veil of `central` at an angle, cd/m^2.
+    /// Returns the luminance of the veil of `central` at an angle, cd/m^2.
     pub fn per_sr(&self, angle_rad: f64) -> f64 {
         let light: f64 = sources(&self.central.scene, &self.images()[0]).iter().map(|s| luminance(s.rgb_lx)).sum();
         light * self.kernel.per_sr(angle_rad)

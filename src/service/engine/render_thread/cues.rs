@@ -1,4 +1,4 @@
-//! Frames of cues ([`crate::service::engine::led`]): the worker's share of the views, with everything that the director has decided.
+//! Draws the frames of cues ([`crate::service::engine::led`]): the worker's share of the views, with everything that the director has decided.
 
 use std::{sync::Arc, time::Instant};
 
@@ -60,7 +60,7 @@ impl Worker {
         Ok(())
     }
 
-    /// The frames of a cue: one per group with views of this worker, and one more if clients want HDR images that need a separate frame.
+    /// Returns the frames of a cue: one per group with views of this worker, and one more if clients want HDR images that need a separate frame.
     fn jobs_of(&mut self, cue: &Cue, start: Instant) -> Result<Vec<(Job, Waiting)>, CueError> {
         let shared = Arc::clone(&self.shared);
         let mut state = shared.state();

@@ -62,7 +62,7 @@ impl Job {
         &self.frame_groups()[self.group]
     }
 
-    /// The exposure state that this frame uses.
+    /// Returns the key of the exposure state that this frame uses.
     pub(super) fn eye(&self) -> &EyeOf {
         &self.groups.eyes[self.group]
     }
@@ -94,13 +94,13 @@ pub(super) struct Groups {
     pub(super) all: Vec<FrameGroup>,
     /// The same groups for display images at the present quality level.
     pub(super) reduced: Vec<FrameGroup>,
-    /// That level; 0: as configured.
+    /// The present quality level; 0: as configured.
     pub(super) level: u32,
     /// For each view, the index of its group and its index within the group.
     pub(super) of_view: HashMap<ViewId, (usize, usize)>,
     /// For each group, its exposure state.
     pub(super) eyes: Vec<EyeOf>,
-    /// For each group, whether requesting HDR images changes its other images.
+    /// For each group, whether a request for HDR images changes its other images.
     pub(super) apart: Vec<bool>,
 }
 

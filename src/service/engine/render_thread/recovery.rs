@@ -99,7 +99,7 @@ impl Worker {
         }
     }
 
-    /// The engine is lost: streams end too.
+    /// Reports that the engine is lost for good, which ends streams too.
     fn end(&self, job: Job, failure: &RenderFailure) {
         let slots = job.subscribers.clone();
         self.refuse(job, failure);

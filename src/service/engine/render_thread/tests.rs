@@ -23,14 +23,14 @@ use crate::{
 
 /// Far longer than any test takes.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Time in which a faulty thread would act.
+/// Time within which a faulty thread would act.
 const A_WHILE: Duration = Duration::from_millis(50);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Event {
-    /// With the revision of its camera.
+    /// A frame has begun, with this revision of its camera.
     Begun(u64),
-    /// With its number: frames count from 0.
+    /// A frame is finished. It has this number, counted from 0.
     Finished(usize),
 }
 
@@ -211,7 +211,7 @@ fn request(handle: &RenderHandle) -> Receiver {
     handle.request(named(handle, "flat"), Wanted::display()).unwrap()
 }
 
-/// Two requests with separate frames in flight.
+/// Makes two requests with separate frames, and waits until both frames are in flight.
 fn two_in_flight(handle: &RenderHandle, device: &Device) -> [Receiver; 2] {
     let first = request(handle);
     device.until_begun(1);

@@ -12,7 +12,7 @@ use crate::service::network::clients::ClientInfo;
 const TARGET: &str = "steradian::changes";
 /// Maximum number of changed parts in a line.
 const MOST_PARTS: usize = 16;
-/// Camera poses of a client within this time share a line.
+/// The camera poses that a client sends within this time share a line.
 const MOVES: Duration = Duration::from_secs(60);
 
 /// The caller of a change.
@@ -32,7 +32,7 @@ impl By {
         Ok(Self { caller: Caller::from_request(request)?, client: ClientInfo::from_request(request)? })
     }
 
-    /// Returns the client, for the log and for waiting holders of a lease.
+    /// Returns a text that names the client, for the log and for holders of a lease.
     pub(crate) fn client(&self) -> &ClientInfo {
         &self.client
     }

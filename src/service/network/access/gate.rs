@@ -32,10 +32,10 @@ use crate::{
     },
 };
 
-/// Maximum bytes of a path in messages: more than the path of any call has.
+/// Maximum length of a path in messages, bytes. The path of every call is shorter.
 const MOST_PATH: usize = 128;
 
-/// The authenticated caller of a request; requests that need a role carry it.
+/// The authenticated caller of a request. Requests that need a role have it as an extension.
 #[derive(Clone, Debug)]
 pub(crate) struct Caller {
     pub(crate) name: Arc<str>,
@@ -64,7 +64,7 @@ impl Caller {
 #[derive(Clone)]
 pub(crate) struct Gate {
     access: watch::Receiver<Arc<Access>>,
-    /// Reason why calls that change something are refused; `None`: they are accepted.
+    /// Reason why calls that change something are refused; `None` if they are accepted.
     led: Option<Arc<str>>,
 }
 
@@ -104,7 +104,7 @@ fn admit(access: &Access, client: &ClientInfo, request: &Request<Body>, least: R
     if caller.role < least {
         let Caller { name, role, .. } = &caller;
         let path = excerpt(request.uri().path(), MOST_PATH);
-        let problem = format!("`{name}` has the role {role}, and {path} needs {least}");
+        let problem = format!("`{name}` has the role {role}, but {path} needs {least}");
         client.log(Kind::Denied, &format!("refused: {problem}"));
         return Err(refusals::denied(problem, &role.to_string(), &least.to_string()));
     }
@@ -168,8 +168,7 @@ where
                 why = &mut gone => return Ok(Status::unauthenticated(why).into_http()),
                 response = answer => response?,
             };
-            // Watchers learn of a change one after the other: the access rules may have changed before this call
-            // notices.
+            // Watchers get a change one after the other, so the access rules may have changed before this call notices it.
             if !is_let_in(&newest.borrow(), credentials, least) {
                 return Ok(Status::unauthenticated(NO_LONGER).into_http());
             }

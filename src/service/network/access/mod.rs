@@ -1,10 +1,9 @@
 //! Access control: tokens and client certificates, each with a role, and the layer that checks them.
 //!
-//! Without either, every client has full access. This is allowed only on the loopback address and on a Unix socket,
-//! whose file permissions admit the client. With either, each call except those of [`roles::Need::Nothing`] must carry
-//! one. Tokens are 256 random bits, so their SHA-256 reveals nothing about them; the configuration holds only the hash.
-//! The rules can be replaced while the daemon runs ([`AccessSource`]): calls whose token or certificate was removed
-//! then end.
+//! Without tokens and certificates, every client has full access. This is allowed only on the loopback address and on a Unix socket, whose file
+//! permissions admit the client. If there are tokens or certificates, each call except those of [`roles::Need::Nothing`] must have a valid one.
+//! Tokens are 256 random bits, so their SHA-256 reveals nothing about them; the configuration holds only the hash. The rules can be replaced while
+//! the daemon runs ([`AccessSource`]): calls whose token or certificate was removed then end.
 
 mod change_log;
 mod gate;
@@ -28,7 +27,7 @@ use crate::{config::Role, service::network::clients::ClientInfo};
 /// SHA-256 of a token or of a certificate.
 pub type Digest = [u8; 32];
 
-/// Prefix of every token, so that a search finds leaked ones.
+/// Prefix of every token, so that a search can find leaked tokens.
 const TOKEN_PREFIX: &str = "steradian_";
 
 /// A client with access.
@@ -51,13 +50,13 @@ pub struct Access {
     pub certificates: Vec<Admitted>,
     /// `None`: connections are not encrypted.
     pub tls: Option<Arc<rustls::ServerConfig>>,
-    /// The time in which the daemon's certificate is valid.
+    /// Period in which the daemon's certificate is valid.
     pub certificate_validity: Option<Validity>,
-    /// Clients by certificate, with the time in which it is valid.
+    /// Names of the clients with certificates, with the periods in which these are valid.
     pub client_validities: Vec<(String, Validity)>,
     /// Names of `server.hosts` that the daemon's certificate has.
     pub certified_hosts: Vec<String>,
-    /// The other ones: clients that use them refuse the certificate.
+    /// Names of `server.hosts` that it lacks: clients that use them refuse the certificate.
     pub uncertified_hosts: Vec<String>,
 }
 
@@ -73,10 +72,10 @@ pub(crate) enum Rejection {
     Refused(&'static str),
 }
 
-/// Credentials of a caller. They must stay valid during the caller's calls.
+/// Credentials of a caller, which must stay valid during its calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CallerCredentials {
-    /// None: every client has access, or the file permissions of a socket admit it.
+    /// None: every client has access, or the file permissions of a socket admit the client.
     Nothing,
     /// A token with this digest.
     Token(Digest),
@@ -102,7 +101,7 @@ pub fn new_token() -> Result<String, String> {
     Ok(format!("{TOKEN_PREFIX}{text}"))
 }
 
-/// Finds a client by digest, in constant time whether or not it exists.
+/// Finds a client by digest. The time is the same whether or not the client exists.
 fn admitted<'a>(those: &'a [Admitted], digest: &Digest) -> Option<&'a Admitted> {
     let mut found = None;
     for one in those {
@@ -139,8 +138,8 @@ impl Access {
             return Ok(());
         }
         Err(format!(
-            "others reach {address}, and the configuration has no {}; without these only the loopback address and `unix:PATH` are allowed \
-             (docs/access.md)",
+            "other machines reach {address}, but the configuration has no {}; without these, only the loopback address and `unix:PATH` are \
+             allowed (docs/access.md)",
             missing.join(" and no ")
         ))
     }

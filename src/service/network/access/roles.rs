@@ -49,7 +49,7 @@ mod tests {
     use super::*;
     use crate::service::proto::DESCRIPTORS;
 
-    /// A new call needs a role unless the verb in its name is one that only reads.
+    /// Every call needs a higher role than `view`, unless the verb in its name is one of those that only read.
     #[test]
     fn every_call_of_the_protocol_has_a_role() {
         const LOOKS: [&str; 9] =

@@ -26,7 +26,7 @@ fn read(key: &str, path: &Path) -> Result<Vec<u8>, String> {
     Ok(text.strip_prefix(b"\xef\xbb\xbf").map(<[u8]>::to_vec).unwrap_or(text))
 }
 
-/// Describes why a file in PEM with a private key cannot be read.
+/// Describes the reason why a PEM file with a private key cannot be read.
 fn key_fault(text: &[u8], error: &dyn std::fmt::Display) -> String {
     let has = |word: &str| text.windows(word.len()).any(|part| part == word.as_bytes());
     if has("ENCRYPTED") {
@@ -42,7 +42,7 @@ fn certificates(key: &str, path: &Path) -> Result<Vec<CertificateDer<'static>>, 
     if all.is_empty() { Err(wrong("it contains none".to_owned())) } else { Ok(all) }
 }
 
-/// Splits host names into those that a certificate names and the others.
+/// Splits host names into those that a certificate contains and the others.
 fn split_hosts(certificate: &CertificateDer<'_>, hosts: &[String]) -> Result<[Vec<String>; 2], String> {
     let parsed = ParsedCertificate::try_from(certificate).map_err(|error| error.to_string())?;
     let is_named = |host: &&String| {
@@ -77,7 +77,7 @@ fn server(
             for certificate in certificates("server.tls.client_ca", &folder.join(path))? {
                 roots.add(certificate).map_err(|error| wrong(error.to_string()))?;
             }
-            // A client without a certificate may still have a token.
+            // Accept a client without a certificate, because it may have a token.
             let verifier =
                 WebPkiClientVerifier::builder_with_provider(Arc::new(roots), provider).allow_unauthenticated();
             builder.with_client_cert_verifier(verifier.build().map_err(|error| wrong(error.to_string()))?)

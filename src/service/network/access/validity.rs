@@ -1,4 +1,4 @@
-//! The time in which a certificate is valid.
+//! The period in which a certificate is valid.
 
 use std::time::{Duration, SystemTime};
 
@@ -7,13 +7,13 @@ use der::{
     asn1::{AnyRef, GeneralizedTime, UtcTime},
 };
 
-/// Warnings begin this long before the end of a certificate.
+/// Warnings begin this long before a certificate expires.
 const WARNS_BEFORE: Duration = Duration::from_secs(14 * DAY_S);
 const DAY_S: u64 = 86_400;
-/// Longer than certificates can last: to the year 9999.
+/// A time that is longer than certificates can last, which is until the year 9999.
 const FOREVER: Duration = Duration::from_secs(8000 * 366 * DAY_S);
 
-/// The first and the last moment at which a certificate, or every certificate of a chain, is valid.
+/// The period in which a certificate, or every certificate of a chain, is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Validity {
     from: SystemTime,
@@ -22,7 +22,7 @@ pub struct Validity {
     places: [usize; 2],
 }
 
-/// A certificate by its number in the chain.
+/// Returns a text for the certificate at a position in the chain.
 fn named(place: usize) -> String {
     if place == 0 { "it".to_owned() } else { format!("certificate {} of its chain", place + 1) }
 }
@@ -64,10 +64,10 @@ impl Validity {
     ///
     /// It is not a certificate, or its times are before 1970.
     pub(super) fn of(certificate: &[u8]) -> Result<Self, String> {
-        read(certificate).map_err(|error| format!("the time in which it is valid cannot be read: {error}"))
+        read(certificate).map_err(|error| format!("its period of validity cannot be read: {error}"))
     }
 
-    /// Reads the time in which all certificates of a chain are valid.
+    /// Reads the period in which all certificates of a chain are valid.
     ///
     /// # Errors
     ///
@@ -86,7 +86,7 @@ impl Validity {
         Ok(all)
     }
 
-    /// Returns the seconds until its end, negative after it.
+    /// Returns the number of seconds until it expires; negative if it has expired.
     pub(crate) fn left_s(&self, now: SystemTime) -> f64 {
         match self.until.duration_since(now) {
             Ok(left) => left.as_secs_f64(),

@@ -35,7 +35,7 @@ fn fisheye(name: &str, fov_deg: f64) -> (ViewSpec, View) {
     given(&format!("name = '{name}'\ntype = 'fisheye'\nsize = [8, 8]\nfov_deg = {fov_deg:?}"))
 }
 
-/// Three views with these groups and exposures.
+/// Returns three views with these groups and exposures.
 fn views(own: &[(Option<&str>, &str)]) -> ViewSet {
     let view = |(index, name): (usize, &str)| {
         let (spec, view) = fisheye(name, 180.0);
@@ -146,7 +146,7 @@ fn a_new_method_drops_useless_keys_but_refuses_requested_ones() {
         let problem = changed(&before, 0, update).unwrap_err();
         assert!(problem.starts_with(expected), "{problem}");
     }
-    // Keys that have lost their effect since they were saved are left out.
+    // Keys that have lost their effect since they were saved must be left out.
     let mut kept: Vec<ViewSpec> = before.kept().collect();
     kept[0].tone_map = Some(toml::from_str("white = 4.0\nscotopic = 0.5").unwrap());
     let restored = before.restored(&RenderSettings::default(), kept, &[]).unwrap();
@@ -220,7 +220,7 @@ fn geometry_changes_alone_or_with_the_whole_view_and_errors_name_the_key() {
         [&after.rig().views()[0], &after.rig().views()[2]],
         [&before.rig().views()[0], &before.rig().views()[2]]
     );
-    // A whole definition removes the settings that it does not have.
+    // A whole definition removes the settings that it does not contain.
     let flat = ViewSpec { name: "a".to_owned(), ..given(FLAT).0 };
     let replaced = before.replaced(&general, 0, &flat).unwrap();
     assert_eq!((replaced.rig().views()[0].kind.type_name(), replaced.own_keys(0).len()), ("perspective", 0));
@@ -243,10 +243,10 @@ fn saved_views_restore_client_changes_and_keep_other_configuration() {
     let deleted: Vec<String> = shown.deleted().map(str::to_owned).collect();
     assert_eq!(deleted, ["a"]);
     assert_eq!(shown.kept().map(|kept| kept.geometry.has_keys()).collect::<Vec<_>>(), [true, false, true]);
-    // Restored into the same daemon, as a snapshot: identities stay.
+    // If the views are restored into the same daemon, as from a snapshot, their identities stay.
     let same = shown.restored(&general, shown.kept().collect(), &deleted).unwrap();
     assert_eq!((same.rig(), same.ids(), &same.settings), (shown.rig(), shown.ids(), &shown.settings));
-    // Restored with a changed configuration: `c` is larger, `b` is removed, `d` is new.
+    // Restore them with a changed configuration: `c` is larger, `b` is removed, `d` is new.
     let others = ["a", "c", "d"].map(|name| {
         let size = if name == "c" { 32 } else { 8 };
         given(&format!("name = '{name}'\ntype = 'fisheye'\nsize = [{size}, {size}]\nfov_deg = 180.0"))
@@ -257,7 +257,7 @@ fn saved_views_restore_client_changes_and_keep_other_configuration() {
     assert_eq!([0, 1, 2, 3].map(|view| there.pixels_of(view)), [32 * 32, 64, 64, 48]);
     assert_eq!(there.spec(2), shown.spec(0));
     assert_eq!(there.deleted().collect::<Vec<_>>(), ["a"]);
-    // Older programs saved no geometry: the configuration's applies.
+    // Older programs saved no geometry, so that of the configuration applies.
     let settings = shown.kept().map(|kept| ViewSpec { geometry: ViewGeometry::default(), ..kept }).collect();
     assert_eq!(other.restored(&general, settings, &[]).unwrap().rig(), other.rig());
     let mut broken = fisheye("x", 90.0).0;

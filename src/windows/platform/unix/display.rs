@@ -1,5 +1,5 @@
-//! Checks whether there is a display for windows. The check comes first, because the window library makes only one
-//! attempt per process, and a daemon may start before its display.
+//! Checks whether there is a display for windows, before the window library is used: the library makes only one attempt per process, and a daemon may
+//! start before its display.
 
 use std::{
     env,

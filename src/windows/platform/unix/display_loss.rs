@@ -7,8 +7,8 @@ use std::{ffi::c_int, thread};
 
 use x11_dl::xlib::{Display, Xlib};
 
-/// Keeps the program alive when the connection to an X server breaks. The thread that detects the loss blocks forever, because Xlib exits the program
-/// if the handler returns. Use this only in programs that can continue without that thread.
+/// Keeps the program alive when the connection to an X server breaks. The thread that detects the loss is blocked forever, because Xlib exits the
+/// program if the handler returns. Use this only in programs that can continue without that thread.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Identification of a monitor from its EDID. Source: VESA Enhanced EDID Standard, release A, revision 2, section 3.
+//! Identifies a monitor by its EDID. Source: VESA Enhanced EDID Standard, release A, revision 2, section 3.
 
 /// Length of a block, bytes.
 const BLOCK: usize = 128;
@@ -43,7 +43,7 @@ mod tests {
     fn vendor_product_serial_and_texts_are_parsed() {
         let mut edid = [0_u8; BLOCK];
         edid[..8].copy_from_slice(&HEADER);
-        // D, E, L: 4, 5, 12 in five bits each.
+        // The letters D, E and L are stored as 4, 5 and 12, in five bits each.
         edid[8..10].copy_from_slice(&((4_u16 << 10) | (5 << 5) | 12).to_be_bytes());
         edid[10..12].copy_from_slice(&0x40f1_u16.to_le_bytes());
         edid[12..16].copy_from_slice(&0x123_u32.to_le_bytes());

@@ -21,7 +21,7 @@ use winit::{
 use super::edid;
 use crate::windows::monitors::MonitorReport;
 
-/// Maximum length of a requested EDID, 32-bit words: four blocks.
+/// Maximum length of a requested EDID, 32-bit words. It is enough for four blocks.
 const EDID_WORDS: u32 = 128;
 /// Source indication of `_NET_WM_STATE`: a normal application.
 const SOURCE: u32 = 1;
@@ -83,7 +83,7 @@ impl X11 {
         let connection = &self.connection;
         let Some(window) = identity(window) else { return Ok(()) };
         if connection.get_window_attributes(window)?.reply()?.map_state == MapState::UNMAPPED {
-            // Initial state for the time when the window becomes visible.
+            // Set the state that the window has when it becomes visible.
             let states = if fills { &[self.fullscreen][..] } else { &[] };
             connection.change_property32(PropMode::REPLACE, window, self.state, AtomEnum::ATOM, states)?;
         } else {

@@ -30,7 +30,7 @@ fn a_cluster_with_its_nodes() {
     };
     assert_eq!((windows(0), windows(1)), (vec!["of-a"], vec!["of-b"]));
     assert_eq!([0, 1].map(|node| config.nodes[node].common_name()), ["one", "second"]);
-    // The shared part has the cluster and not the server.
+    // The part that all processes share contains the cluster, but not the server.
     let with = |server: &str| parse(&format!("{}{server}", text.replace("tcp/127.0.0.1", "tls/10.0.0.1"))).unwrap();
     assert_eq!(with("[server]\nlisten = '127.0.0.1:1'\n").shared, config.shared);
     assert_ne!(with("[overlay]\n").shared, config.shared);

@@ -23,7 +23,7 @@ fn views_inherit_keys_missing_from_their_tables() {
     assert_eq!((&views[2].group, views[2].tone_map.scotopic), (&ExposureGroup::General, 0.5));
     let groups = config.frame_groups().unwrap();
     assert_eq!(groups.iter().map(|group| group.views.clone()).collect::<Vec<_>>(), [[0], [2], [1]]);
-    // Views without tables form one frame with the general settings.
+    // Views without tables share one frame, which has the general settings.
     let groups = parse(&format!("{}{}", map("a", ""), map("b", ""))).unwrap().frame_groups().unwrap();
     assert_eq!((groups.len(), groups[0].rig.views().len()), (1, 2));
     // An override changes a table of a view, and creates one.
@@ -89,7 +89,7 @@ fn mistakes_in_the_tables_of_views_are_refused_like_general_ones() {
     // An inherited key without effect is not an error of the view.
     let manual = map("a", "exposure = { mode = 'manual', ev100 = 1 }");
     assert!(parse(&format!("[exposure]\nlimiting_magnitude = 5\n{manual}")).is_ok());
-    // A view's own path is relative to the folder, and so is an inherited one.
+    // A path in a view's table is relative to the folder, and so is a path that the view inherits.
     let file = map("a", "glare = { kernel = 'psf', psf_file = 'eye.csv' }");
     let inherited =
         format!("[glare]\nkernel = 'psf'\npsf_file = 'eye.csv'\n{}", map("a", "glare = { fraction = 0.3 }"));
@@ -112,7 +112,7 @@ fn an_override_of_the_mode_drops_the_files_keys_for_the_other_mode() {
         let exposure = load(set).unwrap_or_else(|error| panic!("{set:?}: {error}")).exposure;
         assert_eq!((exposure.mode(), exposure.auto_or_default().metering()), (mode, metering), "{set:?}");
     }
-    // Keys of an override without effect are refused.
+    // A key of an override that has no effect is refused.
     for (set, parts) in [
         (&["exposure.mode=manual", "exposure.limiting_magnitude=5"][..], ["exposure.limiting_magnitude", "--set"]),
         (&["exposure.metering=mean", "exposure.spot_deg=5"], ["exposure.spot_deg", "--set"]),
@@ -121,7 +121,8 @@ fn an_override_of_the_mode_drops_the_files_keys_for_the_other_mode() {
         let message = load(set).unwrap_err().to_string();
         assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     }
-    // The same for tables of views, also if the general mode changes; a file without overrides is refused as before.
+    // Overrides of the mode also drop keys in the tables of views, even if the general mode changes. A file without
+    // overrides is refused as before.
     let text = map("a", "exposure = { limiting_magnitude = 5 }");
     for set in ["views.a.exposure.mode=manual", "exposure.mode=manual", "views.a.exposure.metering=mean"] {
         assert!(parse_with(&text, &[set]).is_ok(), "{set}");
@@ -136,7 +137,7 @@ fn general_keys_have_an_effect_if_a_view_uses_them() {
     let views = parse(&format!("{general}{}{}", map("a", ""), map("b", own))).unwrap().view_settings().unwrap();
     assert_eq!((views[1].tone_map.peak_cd_m2, views[1].glare.fraction), (12.0, 0.2));
     refused(&format!("{general}{}", map("a", "")), &["glare.fraction", "has no effect"]);
-    // The only view that would use the key has its own.
+    // The key has no effect, because the only view that would use it sets its own value.
     let own = "[views.tone_map]\noperator = 'calibrated'\npeak_cd_m2 = 5";
     refused(&format!("[tone_map]\npeak_cd_m2 = 12\n{}", map("a", own)), &["tone_map.peak_cd_m2", "has no effect"]);
 }

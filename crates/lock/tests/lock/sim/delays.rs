@@ -30,14 +30,14 @@ impl Quantiles {
         Self::new(&[(0.0, median * 0.25e6), (0.85, median * 0.5e6), tail[0], tail[1]])
     }
 
-    /// Time for which a process waits for a busy processor: the difference between its figures and those of an idle one.
+    /// Time for which a process waits for a busy processor: the difference between the figures of a busy processor and those of an idle one.
     pub fn of_stalls_ms([_, p99, maximum]: [f64; 3], [_, idle_p99, idle_maximum]: [f64; 3]) -> Self {
         let point = |all, ms: f64| (Self::of_one_message(all), ms * 1e6);
         let tail = [point(0.99, p99 - idle_p99), point(1.0 - 1.0 / 3600.0, maximum - idle_maximum)];
         Self::new(&[(0.0, 1.0), (0.85, 2e4), tail[0], tail[1]])
     }
 
-    /// Quantile of one of twelve messages for a quantile of the slowest of six pairs.
+    /// Returns the quantile of a single message that corresponds to a quantile of the slowest of six pairs of messages.
     fn of_one_message(all: f64) -> f64 {
         1.0 - (1.0 - all.powf(1.0 / 6.0)) / 2.0
     }

@@ -10,12 +10,13 @@ use super::{
     world::World,
 };
 
-/// Time that each further node adds until all are READY, ns. Measured on two cores with six node processes: (2.0 - 0.46) ms / 24.
+/// Time by which each additional node delays the moment at which all are READY, ns. Measured on two cores with six node processes: (2.0 - 0.46) ms /
+/// 24.
 pub const MEASURED_PER_NODE_NS: u64 = 64_000;
 /// Time until the other side notices that a process was killed, and time until the process starts again, ns.
 const NOTICED_NS: u64 = 17 * MS;
 const RESTART_NS: u64 = 500 * MS;
-/// The director's processes are absent for this time when they are killed, ns.
+/// Time for which a killed director is absent, ns.
 const DIRECTOR_ABSENT_NS: u64 = 200 * MS;
 
 /// Load of the processors, with measured times until all of six nodes are READY, ms: median, 99 %, maximum.

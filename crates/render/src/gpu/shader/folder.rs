@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::ShaderError;
 
-/// Texts of the `.wgsl` files in a folder and its subfolders, by their paths without extension.
+/// Returns the texts of the `.wgsl` files in a folder and its subfolders, keyed by their paths without extension.
 ///
 /// # Errors
 ///

@@ -33,7 +33,7 @@ struct Loop<'a> {
 fn convert(mut code: &str, changed: &mut String) {
     while let Some(found) = first_loop(code) {
         changed.push_str(found.before);
-        // The block limits the scope of the variable. The test before the first iteration only costs a mask.
+        // The block limits the scope of the variable. The test before the first iteration costs only a mask.
         let Loop { initial, condition, update, .. } = found;
         let _ = write!(changed, "{{ {initial}; if {condition} {{ loop {{");
         convert(found.body, changed);
@@ -43,7 +43,7 @@ fn convert(mut code: &str, changed: &mut String) {
     changed.push_str(code);
 }
 
-/// The first loop of `code` that has a condition.
+/// Returns the first loop of `code` that has a condition.
 fn first_loop(code: &str) -> Option<Loop<'_>> {
     let mut from = 0;
     loop {
@@ -70,7 +70,7 @@ fn first_loop(code: &str) -> Option<Loop<'_>> {
     }
 }
 
-/// Position of `word` as a separate word in `code`, at `from` or later.
+/// Returns the position of `word` as a separate word in `code`, at `from` or later.
 fn find_word(code: &str, word: &str, from: usize) -> Option<usize> {
     let is_part = |letter: Option<char>| letter.is_some_and(|letter| letter.is_alphanumeric() || letter == '_');
     code[from..]
@@ -79,7 +79,7 @@ fn find_word(code: &str, word: &str, from: usize) -> Option<usize> {
         .find(|&at| !is_part(code[..at].chars().next_back()) && !is_part(code[at + word.len()..].chars().next()))
 }
 
-/// Position of the bracket that closes the one at `open`.
+/// Returns the position of the bracket that closes the one at `open`.
 fn closing(code: &str, open: usize) -> Option<usize> {
     let mut depth = 0_usize;
     for (at, letter) in code[open..].char_indices() {

@@ -1,4 +1,4 @@
-//! Joining of files, and the errors of invalid files and choices.
+//! Tests how files are joined, and the errors for invalid files and choices.
 
 use super::*;
 
@@ -113,7 +113,7 @@ fn lines_after_when_are_included_only_with_the_file() {
     let text = |choice| join(&files, &[("extra", choice)]).unwrap().text;
     assert_eq!(text("off"), "// shaders/off.wgsl\n// shaders/main.wgsl\nbefore\nafter\n");
     assert_eq!(text("on"), "// shaders/on.wgsl\non itself\n// shaders/main.wgsl\nbefore\n    with it\nafter\n");
-    // A file that is included later does not count.
+    // A file that is included only later does not count.
     let late = [("main", "#import a\n#import b"), ("a", "#when b\nlost\n#end"), ("b", "")];
     assert!(!join(&late, &[]).unwrap().text.contains("lost"));
     for (main, found) in [

@@ -1,4 +1,4 @@
-//! Projected areas of shapes in each direction: they determine the light of an asteroid that is too small to be resolved.
+//! Projected areas of shapes in each direction: these areas determine the light of an asteroid that is too small to be resolved.
 //!
 //! Silhouettes are drawn into a grid of cells, and a cell counts if its centre is covered. Directions are the
 //! nodes of an octahedral map of 16 x 16 steps. Opposite directions have the same area, so only those with z >= 0 are
@@ -66,7 +66,7 @@ pub fn projected_areas(shape: &Shape) -> Vec<f32> {
     table
 }
 
-/// Areas of a mesh's outline in directions, mean radii squared; `bound` is the radius of a sphere around the mesh.
+/// Returns the areas of a mesh's outline, seen from the directions, in mean radii squared. `bound` is the radius of a sphere around the mesh.
 fn areas_along(mesh: &Mesh, bound: f64, directions: &[DVec3]) -> Vec<f64> {
     let positions: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
     let silhouettes = Silhouettes::new(&positions, &mesh.triangles);
@@ -96,7 +96,7 @@ mod tests {
         let set = ShapeSet::procedural(5);
         for shape in &set.shapes {
             let areas = projected_areas(shape);
-            // Weights of an octahedral map, which is coarser towards the centres of its faces.
+            // Solid-angle weights of the nodes: an octahedral map is coarser towards the centres of its faces.
             let weight = |node: usize| {
                 let direction = node_direction(node);
                 direction.abs().element_sum().powi(-3).recip().recip()

@@ -12,7 +12,7 @@
 
 use super::{AsteroidSettings, ImpostorMethod};
 
-/// Texels of a tile that are kept free around its picture, both sides together.
+/// Total width of the free margin around a tile's picture, both sides together, texels.
 pub const BORDER_PX: u32 = 2;
 
 /// Distances, m, from which each error of an impostor is below half a pixel.
@@ -36,7 +36,7 @@ impl ImpostorDistances {
 }
 
 /// Bound of the error of the direction of an atlas of `tiles` x `tiles`, rad; `tests` compares it with a scan of the sphere. `euler_atlas`: error of
-/// the orientation at the centre of the view; elsewhere, the angle from the axis is added, whatever the atlas. `octahedral`: angle between the corner
+/// the orientation at the centre of the view; elsewhere, the angle from the axis is added, for any atlas size. `octahedral`: angle between the corner
 /// and the centre of a tile in the middle of an octahedron's face, where tiles are largest. `octahedral_blend`: error of the weighted mean direction,
 /// greatest where the cells bend over an edge of the octahedron.
 pub fn direction_error_bound_rad(method: ImpostorMethod, tiles: u32) -> Option<f64> {
@@ -52,9 +52,9 @@ pub fn direction_error_bound_rad(method: ImpostorMethod, tiles: u32) -> Option<f
 /// See [`direction_error_bound_rad`].
 const BLEND_ERROR: f64 = 1.3;
 
-/// Distances for the impostor of an asteroid within a sphere of `radius_m` (mean radius times the shape's bound), for pixels that span `pixel_rad`
-/// and eyes that are `stereo_baseline_m` apart (0 for one eye). Errors are limited to half a pixel divided by `quality`. `None`: the method has no
-/// atlas.
+/// Returns the distances for the impostor of an asteroid. The asteroid lies within a sphere of `radius_m` (mean radius times the shape's bound), a
+/// pixel spans `pixel_rad`, and the eyes are `stereo_baseline_m` apart (0 for one eye). Errors are limited to half a pixel divided by `quality`.
+/// `None`: the method has no atlas.
 pub fn impostor_distances(
     method: ImpostorMethod,
     settings: &AsteroidSettings,
@@ -122,7 +122,7 @@ mod tests {
         })
     }
 
-    /// Greatest error, in pixels, over the points of the sphere that are visible to an eye at distance `d`.
+    /// Greatest error, in pixels, of all points of the sphere that are visible to an eye at distance `d`.
     fn worst_px(d: f64, error_rad: impl Fn(DVec3) -> f64) -> f64 {
         let eye = DVec3::new(0.0, 0.0, d);
         let seen = |point: &DVec3| (eye - *point).dot(*point) >= 0.0;

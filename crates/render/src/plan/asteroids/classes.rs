@@ -1,17 +1,18 @@
-//! Forms in which asteroids are drawn, from half-pixel bounds. With the mean radius r, the distance D of the centre from the eye, the finer
-//! side of a pixel there p (rad) and the quality q, u = q r / p is the distance at which the radius covers a pixel (at quality 1):
+//! Selects the form in which each asteroid is drawn, so that every error stays below half a pixel. Let r be the mean radius, D the distance of the
+//! centre from the eye, p the finer side of a pixel there (rad) and q the quality. Then u = q r / p is the distance at which the radius covers a
+//! pixel (at quality 1). The forms are used:
 //!
 //! - a level of detail whose surface has an error of at most e mean radii: from 2 e u, where the error is half a pixel,
 //! - an impostor: from the distance at which its errors fall below half a pixel ([`ImpostorReach`]),
 //! - a point: from u, where the diameter is two pixels, and exclusively from 2 u, where it is one.
 //!
-//! The coarsest permitted form is drawn. A level or an impostor takes over while the distance grows by the factor [`BAND`] after its start;
-//! a point takes over between u and 2 u. Meanwhile an asteroid has both forms, with shares that add up to 1 and depend only on the
-//! distance. A form that would not have taken over before the next one begins is left out. `shaders/asteroids/class.wgsl` is the same in f32.
+//! The coarsest permitted form is drawn. A level or an impostor takes over gradually, while the distance grows from its start by the factor [`BAND`];
+//! a point takes over between u and 2 u. Meanwhile an asteroid is drawn in both forms, with shares that add up to 1 and depend only on the distance.
+//! A form is left out if the next one would begin before it has taken over completely. `shaders/asteroids/class.wgsl` does the same in f32.
 
 use super::views::ImpostorReach;
 
-/// Factor on the distance over which one form takes over from another.
+/// Factor by which the distance grows while one form takes over from another.
 pub const BAND: f64 = 0.1;
 
 /// Form of an asteroid.
@@ -43,7 +44,7 @@ pub struct ClassRules {
     pub quality: f64,
     /// Distances of impostors; `None`: there are none.
     pub impostor: Option<ImpostorReach>,
-    /// Whether to draw only the finest mesh.
+    /// Whether every asteroid is drawn with its finest mesh.
     pub finest_only: bool,
 }
 

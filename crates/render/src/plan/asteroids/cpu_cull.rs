@@ -16,7 +16,7 @@ use crate::{
 /// An asteroid in a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ListEntry {
-    /// Index among the asteroids of all fields.
+    /// Index of the asteroid among those of all fields.
     pub instance: u32,
     /// Index of its group's item.
     pub item: u32,
@@ -31,20 +31,20 @@ pub struct ListEntry {
 pub struct PictureLists {
     /// Visible asteroids, including points.
     pub seen: u64,
-    /// Lists by kind, of the faces behind the picture (0 to 5) and of the picture itself (6).
+    /// Lists by kind: those of the faces behind the picture (0 to 5), then those of the picture itself (6).
     pub lists: [Vec<Vec<ListEntry>>; 7],
 }
 
 /// Index of the picture itself in [`PictureLists::lists`].
 pub const WHOLE_PICTURE: usize = 6;
 
-/// Fade of a form that is drawn whole.
+/// Fade of a form that is drawn alone.
 pub const WHOLE: f32 = 2.0;
 
 /// Least magnitude of a share in a fade, so that its sign is preserved.
 pub const LEAST_SHARE: f64 = 1e-6;
 
-/// Culls all `fields` for a camera at `camera_m`. Items are numbered in the order of the groups: all of one field, then of the next.
+/// Culls all `fields` for a camera at `camera_m`. Items are numbered in the order of the groups: all groups of one field, then those of the next.
 pub fn cull(
     fields: &[&AsteroidField],
     kinds: &Kinds,
@@ -106,7 +106,7 @@ impl Asteroid<'_> {
         let share = classes.share.max(LEAST_SHARE) as f32;
         let drawn =
             [(Some(classes.class), if classes.before.is_some() { share } else { WHOLE }), (classes.before, -share)];
-        // Whether its straight edges require drawing it through cube faces.
+        // Whether its straight edges bend so much that it must be drawn through cube faces.
         let edge_of = |class: Class| match class {
             Class::Mesh(level) => shape.lods[level as usize].longest_edge,
             Class::Impostor | Class::Point => 2.0 * shape.bound,

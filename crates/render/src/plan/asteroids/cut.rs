@@ -2,11 +2,11 @@
 //!
 //! A node outside all pictures is dropped with its children. A node that is smaller than half a pixel in every picture, and whose asteroids are all
 //! points there, becomes one point of light. Each remaining group lists the pictures in which it may be visible and the faces of the cubes behind
-//! pictures that are not flat, and states whether it may contain points or larger forms. Single asteroids are decided later, on the adapter
-//! (`shaders/asteroids/cull.wgsl`) or in `cpu_cull`.
+//! pictures that are not flat, and states whether it may contain points or larger forms. Decisions about single asteroids are made later, on the
+//! adapter (`shaders/asteroids/cull.wgsl`) or in `cpu_cull`.
 //!
-//! An asteroid whose straight edges would bend by more than half a pixel (divided by the quality) is drawn through faces. The bound here is for
-//! a whole group, so every face that an asteroid needs exists.
+//! An asteroid whose straight edges would bend by more than half a pixel (divided by the quality) is drawn through faces. The bound here is for a
+//! whole group, so it includes every face that one of its asteroids needs.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -25,7 +25,7 @@ use crate::{
     view::projection::Face,
 };
 
-/// Factor by which bounds of a group exceed those of its asteroids, because single asteroids are decided in f32.
+/// Factor by which the bounds of a group exceed those of its asteroids: a margin, because the decisions about single asteroids are made in f32.
 const SLACK: f64 = 1.02;
 
 /// A node that is drawn as one point of light.
@@ -93,7 +93,7 @@ struct FieldCut<'a> {
     longest_edge: f64,
     /// Radius of the sphere that contains any shape, mean radii.
     largest_bound: f64,
-    /// Upper bound of the projected area of a shape over pi r^2.
+    /// Upper bound of the projected area of a shape, divided by pi r^2.
     largest_area: f64,
 }
 

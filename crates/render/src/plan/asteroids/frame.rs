@@ -35,13 +35,14 @@ pub const NEAR_M: f64 = 1e-3;
 const FACE_BYTES: u64 = 1 << 30;
 /// Bytes of a texel of colour and depth.
 const TEXEL_BYTES: u64 = 12;
-/// Value of p E / pi of the brightest group in the units of the targets: f16 ends at 65504, and a mesh may be several times as bright.
+/// Value that p E / pi of the brightest group gets in the units of the targets. The range of f16 ends at 65504, and a mesh may be several times as
+/// bright as this value.
 const BRIGHTEST_UNITS: f64 = 1024.0;
 
 /// Bytes of an entry of the lists on the adapter.
 pub const ENTRY_BYTES: u64 = 12;
 
-/// Link of a group to a plane, in which its asteroids are counted and listed.
+/// Link of a group to a plane: the asteroids of the group are counted and listed for that plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// Index of the plane.
@@ -126,7 +127,7 @@ pub struct AsteroidPlan {
     pub certificate: Vec<Approximation>,
 }
 
-/// Tables of directions by projection. They take long to compute and are kept from plan to plan.
+/// Tables of pixel sizes and bends, by projection. They take long to compute and are kept from plan to plan.
 #[derive(Clone, Debug, Default)]
 pub struct Tables(Vec<(Projection, Arc<DirectionTable>)>);
 
@@ -147,7 +148,7 @@ impl Tables {
     }
 }
 
-/// Checks that the fields of a scene can be drawn: that they are not too many, and that every shape has meshes.
+/// Checks that the fields of a scene can be drawn: that there are not too many fields, and that every shape has meshes.
 pub fn check(objects: &SceneObjects, limits: &Limits) -> Result<(), PlanError> {
     let asteroids = objects.fields.iter().map(|field| field.instances.packed.len() as u64).sum();
     if objects.fields.len() > MAX_FIELDS {
@@ -197,11 +198,11 @@ pub struct AsteroidInputs<'a> {
 }
 
 impl AsteroidPlan {
-    /// Plans the fields of a scene, which [`check`] has accepted. `None`: there are no fields or no pictures.
+    /// Plans the fields of a scene. [`check`] must have accepted them. Returns `None` if there are no fields or no pictures.
     ///
     /// # Errors
     ///
-    /// The lists may exceed the adapter's binding size.
+    /// Fails if the lists exceed the adapter's binding size.
     pub fn new(inputs: &AsteroidInputs<'_>, tables: &mut Tables) -> Result<Option<Self>, PlanError> {
         let AsteroidInputs { objects, settings, viewports, margin_px, camera_m, suns, limits } = *inputs;
         if objects.fields.is_empty() || viewports.is_empty() {
@@ -362,7 +363,7 @@ impl AsteroidPlan {
     }
 }
 
-/// cd/m^2 per unit of the targets. It is a power of two, so that it stays constant while the light hardly changes.
+/// cd/m^2 per unit of the targets. It is a power of two, so it remains constant if the light hardly changes.
 fn luminance_scale(fields: &[&AsteroidField], brightest_lx: f64) -> f64 {
     let albedo = fields.iter().flat_map(|field| field.geometric_albedo).fold(0.0, f64::max);
     let brightest = albedo * brightest_lx / std::f64::consts::PI;

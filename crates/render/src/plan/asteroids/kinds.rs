@@ -14,8 +14,8 @@ pub const MAX_SET_MESHES: usize = 1280;
 
 /// Maximum number of planes of a frame: pictures, and six faces behind each.
 pub const MAX_PLANES: usize = 7 * MAX_VIEWPORTS;
-/// Maximum number of shapes of all fields of a scene: with their levels and projected areas, the entries of the table of shapes stay below
-/// 2^24.
+/// Maximum number of shapes in all fields of a scene. With this limit, the table of shapes, which includes their levels and projected areas, has
+/// fewer than 2^24 entries.
 pub const MAX_SHAPES: usize = 12_000;
 /// Maximum number of fields of a scene.
 pub const MAX_FIELDS: usize = 256;

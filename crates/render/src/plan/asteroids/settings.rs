@@ -107,7 +107,8 @@ impl AsteroidSettings {
         Some(self.impostor.chosen()).filter(|method| !self.finest_only && *method != ImpostorMethod::None)
     }
 
-    /// Memory of an atlas of that many shapes on the adapter, bytes: normals and surfaces, each with four bytes per texel and a chain of mipmaps.
+    /// Memory that an atlas of this number of shapes takes on the adapter, bytes. It holds normals and surfaces, each with four bytes per texel and a
+    /// chain of mipmaps.
     pub fn atlas_bytes(&self, shapes: usize) -> u64 {
         let side = u64::from(self.tiles) * u64::from(self.tile_px);
         match AtlasLayout::for_method(self.impostor) {

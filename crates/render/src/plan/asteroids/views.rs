@@ -1,10 +1,11 @@
 //! Properties of a picture for culling and detail: its borders, the size of its pixels in each direction, and the curvature of
 //! images of straight edges.
 //!
-//! Pixel size and bend depend on the direction. Both are tabulated over s = sin(t / 2), where t is the angle from the optical axis, or from the
-//! zenith for equirectangular pictures. The pixel size is the finer side of a pixel, in rad. The bend is the norm of the
-//! second derivative of the pixel position along a great circle, px/rad^2, the greatest of all directions, by central differences: an edge
-//! of angular length h that is drawn straight deviates from its image by at most h^2 / 8 times the bend. In flat pictures it is 0.
+//! Pixel size and bend depend on the direction. Both are tabulated as functions of s = sin(t / 2), where t is the angle from the optical axis, or
+//! from the zenith for equirectangular pictures. The pixel size is the finer side of a pixel, in rad. The bend is the norm of the second derivative
+//! of the pixel position along a great circle, px/rad^2. It is computed by central differences, and the greatest value of all directions is used: an
+//! edge of angular length h that is drawn as a straight line deviates from its true image by at most h^2 / 8 times the bend. In flat pictures it is
+//! 0.
 
 use std::f64::consts::{PI, TAU};
 
@@ -122,7 +123,7 @@ impl DirectionTable {
                 }
             }
             Projection::Tabulated(table) => {
-                // Pixels of any size may occur in any direction: use the finest of all. Edges always cross faces.
+                // Pixels of any size may occur in any direction: use the smallest size. Edges always cross faces.
                 let [shortest_rad, needed_rad] = table.finest_pixel_rad();
                 let entries = TABLE_STEPS + 1;
                 Self { pixel_rad: vec![shortest_rad; entries], bend: vec![UNBOUNDED_BEND; entries], needed_rad }
@@ -138,12 +139,12 @@ impl DirectionTable {
         self.pixel_rad[i] * (1.0 - f) + self.pixel_rad[i + 1] * f
     }
 
-    /// The greatest bend within `reach` of a position, from the entries around both ends and the centre of that range.
+    /// The greatest bend within `reach` of a position, from the table entries around both ends and the centre of that range.
     pub fn bend_around(&self, place: f64, reach: f64) -> f64 {
         [place - reach, place, place + reach].map(|place| self.bend_beside(place)).into_iter().fold(0.0, f64::max)
     }
 
-    /// The greatest bend within `reach` of a position, from all entries.
+    /// The greatest bend within `reach` of a position, from all table entries in that range.
     pub fn bend_around_all(&self, place: f64, reach: f64) -> f64 {
         let entry = |place: f64| place.clamp(0.0, 1.0) * TABLE_STEPS as f64;
         let last = (entry(place + reach).ceil() as usize).min(TABLE_STEPS);
@@ -162,7 +163,7 @@ impl DirectionTable {
     }
 }
 
-/// The finest side of a pixel at an angle from the axis, over all directions at that angle.
+/// The finest side of a pixel at an angle from the axis: the least of all directions at that angle.
 fn finest_pixel_rad(mapping: &dyn PlaneMapping, angle: f64) -> f64 {
     (0..8)
         .filter_map(|step| {
@@ -264,7 +265,7 @@ pub fn impostor_reach(settings: &AsteroidSettings, eyes_m: f64) -> Option<Impost
     if settings.finest_only {
         return None;
     }
-    // The distances for one metre and one radian are the factors.
+    // The distances for a radius of one metre and a pixel of one radian are the factors.
     let of_one = impostor_distances(settings.impostor, settings, 1.0, 1.0, eyes_m, 1.0)?;
     let smaller = impostor_distances(settings.impostor, settings, 1.0, 0.5, eyes_m, 1.0)?;
     Some(ImpostorReach {

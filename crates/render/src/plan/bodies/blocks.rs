@@ -1,4 +1,4 @@
-//! Blocks of pixels that may show a body. Most pictures have few of them, and the pass over rays runs only for these.
+//! Blocks of pixels that may show a body. Most pictures have few such blocks, and the pass that traces rays runs only for these.
 
 use glam::{DVec2, DVec3};
 

@@ -1,14 +1,14 @@
-//! The total light of a body: the light with which a body smaller than a pixel is drawn, or the sum over the disc of a larger body.
+//! The total light of a body. A body smaller than a pixel is drawn with this light; for a larger body it is the sum over the disc.
 //!
 //! The illuminance at the eye is the integral of luminance over the solid angle of the visible disc. In coordinates divided by the semi-axes the body
 //! is the unit sphere, the eye is at distance Q from its centre, and the disc is round. It is divided into rings of w = Q sin(a), 0 to 1, where a is
 //! the angle from the axis. The element sin(a) da dphi of a ring is a solid angle in the scaled space. Multiplied by det(D) / |D u|^3, with the
-//! semi-axes D and the ray u, it is the solid angle in the world, at every distance. The lit half of the body is a half of the unit sphere too, so
-//! the ends of the lit arc of each ring are known. The ring at which arcs begin divides the rings into two spans. Nodes are denser at the ends of
-//! spans and arcs (t^3 (10 - 15 t + 6 t^2)), where the integrand is steep. Nodes are fixed, so that equal inputs give equal bits.
+//! semi-axes D and the ray u, it is the solid angle in the world, at every distance. The lit half of the body is also half of the unit sphere, so the
+//! ends of the lit arc of each ring are known. The ring at which arcs begin divides the rings into two spans. Nodes are denser at the ends of spans
+//! and arcs (t^3 (10 - 15 t + 6 t^2)), where the integrand is steep. Nodes are fixed, so that equal inputs give equal bits.
 //!
-//! Spheres without texture beyond 100,000 radii use the closed forms of `photometry::reflection`, whose error is of the order of radius over
-//! distance.
+//! If a sphere has no texture and is farther away than 100,000 radii, the closed forms of `photometry::reflection` are used. Their relative error is
+//! of the order of radius divided by distance.
 
 use glam::DVec3;
 
@@ -21,15 +21,15 @@ const PLAIN_NODES: usize = 40;
 /// Fewest and most nodes across and around a disc with a texture.
 const TEXTURE_NODES: [usize; 2] = [128, 256];
 
-/// Illuminance of a body at an eye at `eye_m` at a time, s: linear Rec. 709, lx, on a surface that faces it.
-/// Includes reflected light of the suns ([`crate::scene::bodies::suns`]) and emitted light, over the part of
-/// the surface that the eye sees, without regard to other bodies. Accurate to 1e-4 without a texture and, if a
-/// texture's finest detail averages out, to 1e-3 with one. 0 for an eye inside the body.
+/// Returns the illuminance that a body causes at `eye_m` at the time `time_s`, on a surface that faces the body: linear Rec. 709, lx. It includes
+/// reflected light of the suns ([`crate::scene::bodies::suns`]) and emitted light, from the part of the body's surface that the eye sees. Other
+/// bodies are ignored. The result is accurate to 1e-4 without a texture. With a texture whose finest detail averages out it is accurate to 1e-3. It
+/// is 0 for an eye inside the body.
 pub fn illuminance_of(body: &Body, eye_m: DVec3, suns: &[Sun], time_s: f64) -> [f64; 3] {
     illuminance_lit_by(body, eye_m, &lights_on(body, suns, eye_m), time_s)
 }
 
-/// The same illuminance, for given incident light.
+/// Returns the same illuminance for given incident light.
 pub fn illuminance_lit_by(body: &Body, eye_m: DVec3, lights: &[Light], time_s: f64) -> [f64; 3] {
     let radius_m = body.radii_m.x;
     let is_plain_sphere = body.radii_m == DVec3::splat(radius_m) && body.surface.texture.is_none();
@@ -100,7 +100,7 @@ impl Disc {
         let across = towards - self.axis * along;
         let across_length = across.length();
         let first = if across_length > 1e-9 { across / across_length } else { self.axis.any_orthonormal_vector() };
-        // Up to the ring that the terminator touches, the rings are lit either entirely or not at all.
+        // From the centre to the ring that the terminator touches, rings are lit either entirely or not at all.
         let touched = self.ring_at(across_length, along.abs());
         let full: &Arc = &|_, _| [-PI, PI];
         if along > 0.0 {
@@ -116,7 +116,7 @@ impl Disc {
         sum
     }
 
-    /// w of the points of the sphere at an angle from the axis (at the body's centre); 1 if they are behind the outline.
+    /// Returns w of the points of the sphere at a given angle from the axis, measured at the body's centre; 1 if these points are behind the outline.
     fn ring_at(&self, cos: f64, sin: f64) -> f64 {
         if cos * self.q <= 1.0 {
             return 1.0;
@@ -167,7 +167,7 @@ impl Disc {
 /// Ends of a ring's arc, rad, from cosine and sine of the ring's angle from the axis.
 type Arc = dyn Fn(f64, f64) -> [f64; 2];
 
-/// Nodes and weights of a midpoint rule on 0 to 1, denser at both ends; the weights sum to 1.
+/// Nodes and weights of a midpoint rule from 0 to 1. The nodes are denser at both ends; the weights sum to 1.
 fn crowded(nodes: usize) -> Vec<(f64, f64)> {
     let middle = move |i: usize| (i as f64 + 0.5) / nodes as f64;
     let slope = |t: f64| (t * (1.0 - t)).powi(2);
@@ -213,7 +213,7 @@ mod tests {
                 let expected = 0.3 * 1e-16 * law.phase_function(phase_rad);
                 assert!((closed / expected - 1.0).abs() < 1e-9, "{law:?} {phase_deg}: {closed} {expected}");
                 assert!((summed / closed - 1.0).abs() < 1e-4, "{law:?} {phase_deg}: {summed} {closed}");
-                // Another law, or another albedo, makes a measurable difference.
+                // Another reflection law or another albedo makes a measurable difference.
                 assert!((summed * 1.001 / closed - 1.0).abs() > 5e-4);
             }
         }

@@ -1,6 +1,7 @@
-//! Small bodies in front of each other. A body a few pixels across is a point, or partly one, and hides little of the light behind it, but a
-//! moon in front of the Sun hides all of it, however small both are in a picture. So bodies that approach each other become discs, the more
-//! the nearer they are. If one is too small even for that, the light of the point is reduced by the areas of circles.
+//! Small bodies in front of each other. A body a few pixels across is drawn at least partly as a point, and a point hides little of the light behind
+//! it. But a moon in front of the Sun hides all of the Sun's light, however small both are in a picture. So bodies that approach each other become
+//! discs: the smaller their separation, the larger the fraction of their light that is drawn as a disc. If a body is too small even for that, it
+//! stays a point, whose light is reduced by the area of the overlap of the two circles.
 
 use glam::DVec3;
 
@@ -8,7 +9,7 @@ use crate::scene::bodies::hidden_share;
 
 /// Diameters between which approaching bodies become discs, pixels: a disc is divided into 12 x 12 parts per pixel.
 const DISCS_PX: [f64; 2] = [0.25, 0.5];
-/// A nearer body smaller than this fraction of the farther one is invisible.
+/// A nearer body that is smaller than this fraction of the farther one hides nothing.
 const LEAST_OF_FARTHER: f64 = 0.02;
 
 /// A body as a circle in the sky of an eye.

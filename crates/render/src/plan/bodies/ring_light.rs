@@ -42,7 +42,7 @@ pub(super) fn lit_rings(body: &Body, eye_m: DVec3, light_lx: [f64; 3], suns: &mu
     for sun in suns {
         sun.illuminance_lx = sun.illuminance_lx.map(|lx| lx * (1.0 - share) * more);
     }
-    // Divide by the transmission of the air in between: it is applied later, to everything that is drawn.
+    // Divide by the transmission of the air between body and eye: it is applied later, to everything that is drawn.
     Some([0, 1, 2].map(|c| light_lx[c] * share * more / unit / body.seen_through[c].max(1e-9)))
 }
 
@@ -52,8 +52,8 @@ fn zone_at(radius: f64) -> Option<rings::Zone> {
     rings::ZONES.into_iter().find(|zone| within && radius < zone.outer)
 }
 
-/// Shares of the light of the globe and of the rings that the eye sees, without the parts that the other one hides from the eye or from the sun. The
-/// directions are unit vectors in the axes of the body. Eye and sun are far away, on the same side of the rings.
+/// Fractions of the light of the globe and of the light of the rings that the eye sees: each hides parts of the other from the eye or from the sun.
+/// The directions are unit vectors in the axes of the body. Eye and sun are far away, on the same side of the rings.
 fn open_shares(body: &Body, to_eye: DVec3, to_sun: DVec3) -> [f64; 2] {
     let shape = body.radii_m / body.radii_m.x;
     let side = DVec3::Z.cross(to_eye).try_normalize().unwrap_or(DVec3::X);
@@ -92,7 +92,7 @@ fn open_shares(body: &Body, to_eye: DVec3, to_sun: DVec3) -> [f64; 2] {
     [globe, ring].map(|[all, open]| if all > 0.0 { open / all } else { 1.0 })
 }
 
-/// Position, along a line through a place, of the farther intersection with the globe.
+/// Returns the position of the farther intersection with the globe, along a line through `place`.
 fn meets_globe(place: DVec3, towards: DVec3, shape: DVec3) -> Option<f64> {
     let (place, towards) = (place / shape, towards / shape);
     let squared = towards.length_squared();

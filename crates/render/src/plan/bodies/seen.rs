@@ -1,8 +1,8 @@
 //! Bodies as the eye of each viewport sees them: which ones are drawn as discs, nearest first, which as points of light, and the light that
 //! each sends to the eye.
 //!
-//! A body smaller than [`POINT_BELOW_PX`] is a point, one larger than [`DISC_FROM_PX`] a disc. In between, its light is divided between
-//! both, so that a shrinking body does not pop.
+//! A body smaller than [`POINT_BELOW_PX`] is a point, one larger than [`DISC_FROM_PX`] a disc. In between, its light is divided between a point and a
+//! disc, so that the change of form is not visible.
 
 use std::{
     f64::consts::PI,
@@ -117,14 +117,14 @@ pub struct BodyPlan {
     pub points: Vec<PointSource>,
     /// Light of every body at each viewport's eye: index of the body, and illuminance, lx.
     pub lights: Vec<Vec<(usize, [f64; 3])>>,
-    /// The same, but only for bodies in the picture.
+    /// The same light, but only of bodies in the picture.
     pub in_view: Vec<Vec<(usize, [f64; 3])>>,
     /// Sources of glare for each viewport's eye.
     pub glare: Vec<Vec<Source>>,
 }
 
 impl PointSource {
-    /// Illuminance at an eye at `eye_m` from the camera, lx; 0 at the point itself.
+    /// Illuminance at an eye that is at `eye_m` relative to the camera, lx; 0 at the point itself.
     pub fn light_at_lx(&self, eye_m: DVec3) -> f64 {
         let squared = (self.offset_m - eye_m).length_squared();
         if squared > 0.0 { luminance(self.intensity_cd) / squared } else { 0.0 }
@@ -132,7 +132,7 @@ impl PointSource {
 }
 
 impl BodyPlan {
-    /// Keeps on each disc the light that it scatters onto itself. `fraction` of all light is scattered by `kernel`.
+    /// Lets each disc keep the light that it scatters onto itself. `kernel` scatters `fraction` of all light.
     pub fn keep_own_glare(&mut self, kernel: &dyn GlareKernel, fraction: f64) {
         for (seen, sources) in self.seen.iter_mut().zip(&self.glare) {
             for disc in seen {
@@ -155,7 +155,7 @@ fn disc_part(diameter_px: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Larger angle across the pixel that shows a direction, rad; outside the picture, of the nearest pixel.
+/// Angle across the longer side of the pixel that shows a direction, rad. Outside the picture, the nearest pixel is used.
 fn pixel_across_rad(viewport: &Viewport, direction: DVec3) -> f64 {
     let mapping = viewport.projection.mapping();
     let [width, height] = mapping.size();
@@ -193,7 +193,7 @@ impl HeldLights {
         let held = self.eyes.iter().position(|held| held.eye_m == eye_m);
         let index = held.unwrap_or_else(|| {
             if self.eyes.len() >= MAX_VIEWPORTS {
-                // The eyes of a moving camera are not used again.
+                // The positions of a moving camera's eyes do not recur.
                 self.eyes.clear();
             }
             let light = |body: &Arc<Body>| illuminance_of(body, eye_m, suns, objects.time_s);
@@ -241,7 +241,7 @@ pub fn plan_bodies(
             };
             let seen_m = seen_from_place * offset_m;
             let in_view = viewport.world_from_view.conjugate().mul_vec3(seen_m);
-            // An eye within rings or a corona sees them all around.
+            // If the eye is within rings or a corona, it sees them in every direction.
             let wide_rad = |radii: f64| {
                 let wide_m = radii * largest_m;
                 if wide_m < distance_m { (wide_m / distance_m).asin() } else { PI }

@@ -1,16 +1,16 @@
 //! Lower bound of the exposure from sunlit bodies and asteroids: their surfaces are 17 stops brighter than a night sky, and
 //! the light that they scatter in the eye covers the whole picture.
 //!
-//! The bound is computed on the CPU from the plan, not metered from the picture. A meter would include the stars, so the
-//! exposure would depend on the catalogue. It measures means only, not the brightness of surfaces that cover a thousandth of
-//! the picture. And a frame that waits for a meter has to be written twice.
+//! The bound is computed on the CPU from the plan, not metered from the picture. A meter would include the stars, so the exposure would depend on the
+//! catalogue. A meter also measures only means, not the brightness of surfaces that cover a thousandth of the picture. Finally, a frame that waits
+//! for a meter has to be written twice.
 //!
 //! - **Surfaces.** White is as bright as the lit surfaces, including the corona of a sun, that cover [`SURFACE_SHARE`] of all pictures;
 //!   smaller ones may be brighter. Below that share, white rises with the fourth power of the covered share, so that the exposure is
 //!   continuous when a planet approaches.
-//! - **Sky.** The mean luminance of the sky's hemisphere, whatever the views show of it, is at most a fraction of white that grows with the
-//!   luminance, as dim light appears dim to the eye ([`key_of`]). So the sky is darker at dusk than by day, and the night sky imposes no
-//!   bound.
+//! - **Sky.** The mean luminance of the sky's hemisphere, regardless of the part that the views show, is at most a fraction of white. This fraction
+//!   grows with the luminance, because dim light appears dim to the eye ([`key_of`]). So the sky is darker at dusk than by day, and the night sky
+//!   imposes no bound.
 //! - **Background.** The veil of glare of all bodies and fields, in the picture or not, is at most [`BACKGROUND_SHARE`] of white in the
 //!   darker half of the pictures: the halo next to a sun may be brighter.
 
@@ -36,13 +36,13 @@ pub const SURFACE_SHARE: f64 = 1e-3;
 pub const BACKGROUND_SHARE: f64 = 0.18;
 /// Exponent of white as a function of the covered share, below [`SURFACE_SHARE`].
 const GROWTH: i32 = 4;
-/// Points on a disc.
+/// Number of sample points on a disc.
 const DISC_POINTS: usize = 256;
 /// Number of rings of a corona, and ratio of the radii of consecutive rings.
 const CORONA_RINGS: (usize, f64) = (16, 1.22);
 /// Number of points of a ring.
 const RING_POINTS: usize = 16;
-/// Step through the directions at which the background is evaluated.
+/// The background is evaluated at every n-th direction of a picture; this is n.
 const VEIL_STEP: usize = 3;
 
 /// Lit objects.
@@ -63,7 +63,7 @@ pub struct Lit<'a> {
     pub glare: Option<(&'a dyn GlareKernel, f64)>,
 }
 
-/// The least luminance of display white for lit objects, cd/m^2; 0: any.
+/// The least luminance of display white that lit objects permit, cd/m^2; 0 if they impose no bound.
 pub fn white_for_lit_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
     let of_sky = lit.objects.local_sky.as_ref().map_or(0.0, |sky| sky.mean_cd_m2 / key_of(sky.mean_cd_m2));
     white_for_surfaces_cd_m2(lit, pictures).max(background_cd_m2(lit, pictures) / BACKGROUND_SHARE).max(of_sky)
@@ -178,7 +178,7 @@ fn is_in_picture(viewport: &Viewport, direction: DVec3) -> bool {
     })
 }
 
-/// Median over the pictures, by solid angle, of the veil of everything except the stars, cd/m^2.
+/// Median of the veil of everything except the stars, over all pictures and weighted by solid angle, cd/m^2.
 fn background_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
     let Some((kernel, fraction)) = lit.glare else { return 0.0 };
     let mut veils: Vec<[f64; 2]> = Vec::new();

@@ -75,7 +75,7 @@ impl DisplayedStars {
 
 /// The exposure from the plan alone; `None`: it is manual or metered.
 ///
-/// With a calibrated display, the exposure is that of the display.
+/// A calibrated display determines the exposure itself.
 pub fn planned_ev100(
     settings: &RenderSettings,
     stars: &DisplayedStars,

@@ -28,8 +28,8 @@ pub enum ExposureOrigin<'a> {
 }
 
 impl<'a> ExposureOrigin<'a> {
-    /// Origin for a frame whose exposure is that of the views of `rig` with these settings. `has_other_views`: the frame itself draws other
-    /// views or has other settings.
+    /// Returns the origin for a frame whose exposure is that of the views of `rig` with these settings. `has_other_views`: the frame itself draws
+    /// other views or has other settings.
     ///
     /// # Errors
     ///

@@ -7,7 +7,7 @@ use crate::view::{
     projection::{Projection, pixel_centre},
 };
 
-/// Maximum number of samples along a side of a picture for its mean pixel: with 128 it is accurate to 1e-3.
+/// Maximum number of samples along a side of a picture for the size of its mean pixel. With 128 samples, that size is accurate to 1e-3.
 const PIXEL_GRID: u32 = 128;
 /// Directions along a side of a picture.
 const DIRECTION_GRID: u32 = 16;
@@ -39,7 +39,7 @@ impl Picture {
                 squares += pixel_sr * pixel_sr;
             }
         }
-        // A picture with few pixels may have no sampled centre inside.
+        // If a picture has few pixels, all sampled centres may be outside of it.
         let pixel_sums = if sum > 0.0 { [whole_sr, squares * whole_sr / sum] } else { [whole_sr, whole_sr * whole_sr] };
         let mut directions = Vec::new();
         for y in grid(height, DIRECTION_GRID) {
@@ -64,7 +64,7 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Pictures of all viewports; those of other viewports are removed.
+    /// Returns the pictures of all viewports, and removes those of other viewports.
     pub fn for_viewports(&mut self, viewports: &[Viewport]) -> Vec<Picture> {
         self.held.retain(|(projection, _)| viewports.iter().any(|viewport| viewport.projection == *projection));
         viewports

@@ -28,7 +28,8 @@ named!(ExposureMode { Auto = "auto", Manual = "manual" });
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Metering {
-    /// Stars of `limiting_magnitude` are just visible in the first view; fewer stars if sunlit bodies or asteroids would be too bright.
+    /// Stars of `limiting_magnitude` are just visible in the first view; fewer stars are visible if sunlit bodies or asteroids would otherwise be too
+    /// bright.
     #[default]
     LimitingMagnitude,
     /// The mean luminance of all views, weighted by solid angle.
@@ -43,7 +44,7 @@ named!(Metering {
     Spot = "spot",
 });
 
-/// Exposure values whose white luminance stays in the range of f32 together with the stars' light.
+/// Range of exposure values. White luminance and the stars' light both stay in the range of f32.
 const EV100: [f64; 2] = [-100.0, 100.0];
 
 settings! {
@@ -207,7 +208,7 @@ impl AutoExposure {
         }
     }
 
-    /// Offset to the reading of a standard meter: the sum of the effects of key and compensation.
+    /// Offset to the reading of a standard meter, from key and compensation together.
     pub fn offset_ev(&self) -> f64 {
         self.compensation_ev + key_compensation_ev(self.key())
     }
@@ -262,7 +263,7 @@ impl ExposureSettings {
         matches!(self, Self::Auto(auto) if auto.metering() == metering)
     }
 
-    /// Whether a frame that is shown as fully adapted has to be drawn before its exposure is known.
+    /// Whether the exposure of a frame for a fully adapted eye is known only after the frame is drawn.
     pub fn is_metered(&self) -> bool {
         self.uses(Metering::Mean)
     }
@@ -307,7 +308,7 @@ impl From<&ExposureSettings> for ExposureKeys {
 }
 
 impl ExposureKeys {
-    /// These keys over general settings; keys that neither has get their defaults.
+    /// Returns the settings from these keys; keys that are left out are taken from `general`, and then from the defaults.
     pub fn over(&self, general: &ExposureSettings) -> ExposureSettings {
         let mut keys = Self::from(general);
         keys.extend(self.clone());
@@ -324,13 +325,13 @@ impl ExposureKeys {
         keys
     }
 
-    /// Names of the given keys that have no effect in the settings that result from these keys over `general`.
+    /// Names of the given keys that have no effect in the settings that result from applying these keys to `general`.
     pub fn without_effect(&self, general: &ExposureSettings, stars_are_relative: bool) -> Vec<&'static str> {
         let effective = Self::with_effect(&self.over(general), stars_are_relative).given();
         self.given().into_iter().filter(|key| !effective.contains(key)).collect()
     }
 
-    /// Rejects given keys that have no effect in the settings that result from these keys over `general`.
+    /// Rejects given keys that have no effect in the settings that result from applying these keys to `general`.
     ///
     /// # Errors
     ///

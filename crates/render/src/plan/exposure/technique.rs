@@ -23,10 +23,11 @@ pub struct ExposurePlan {
     pub known_ev100: Option<f64>,
     /// Exposure to adapt to, if it follows from the plan; `None`: it is metered.
     pub planned_ev100: Option<f64>,
-    /// Exposure whose display white is the luminance that the frame shows as white, if it is known: the known exposure, or that of the
+    /// Exposure whose display white is the luminance that the frame shows as white, if it is known. It is either the known exposure or that of the
     /// display transform.
     pub known_white_ev100: Option<f64>,
-    /// The same, or an estimate from the light in view, accurate to a fraction of a stop. `None`: there is nothing in view.
+    /// `known_white_ev100` if it is known, otherwise an estimate from the light in view, accurate to a fraction of a stop. `None`: there is nothing
+    /// in view.
     pub expected_ev100: Option<f64>,
     /// Parameters of metering.
     pub metering: MeteringPlan,

@@ -111,12 +111,12 @@ fn magnitudes_are_distinct_and_bright_stars_keep_their_colours_in_domes_of_every
         for (code, expected) in white.iter().zip(expected) {
             assert!((code - expected).abs() < 0.6, "{white:?}");
         }
-        // The cores of the brightest stars keep their hue: orange stays orange, blue stays blue.
+        // The cores of the brightest stars keep their hue: orange remains orange, and blue remains blue.
         let [red, green, blue] = codes(0.0, 3000.0, BSPLINE_PEAK);
         assert!(red > green + 10.0 && green > blue + 10.0, "{red} {green} {blue}");
         let [red, green, blue] = codes(0.0, 20_000.0, BSPLINE_PEAK);
         assert!(blue > green + 10.0 && green > red + 2.0, "{red} {green} {blue}");
-        // At the exposure from the mean luminance of the sky, the same stars are hardly distinguishable: 254 and 243, 255 and 254.
+        // If the exposure follows the mean luminance of the sky, the same stars are hardly distinguishable: codes 254 and 243, and 255 and 254.
         let at_the_mean = [3.0, 6.0].map(|magnitude| {
             let peak = illuminance_lx_from_magnitude(magnitude) * BSPLINE_PEAK / stars.pixels_sr[0];
             settings.tone_map.display_rgb([peak; 3], white_luminance_cd_m2(-13.0))[1] * 255.0
@@ -194,7 +194,7 @@ fn sunlit_surfaces_over_a_thousandth_are_below_white_and_smaller_ones_approach_c
     };
     let mut previous = night;
     let mut largest_step = 0.0_f64;
-    // From 3000 radii, where the disc is smaller than a pixel, to 2 radii.
+    // Approach from 3000 radii, where the disc is smaller than a pixel, to 2 radii.
     for step in 0..=200 {
         let distance = 3000.0 * (2.0_f64 / 3000.0).powf(f64::from(step) / 200.0);
         let bodies = planet(distance, false);
@@ -262,7 +262,7 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
     let side = viewports[0].world_from_view * DVec3::X;
     let [overhead, horizon, below] = [with_sun_at(zenith), with_sun_at(side), with_sun_at(-zenith)];
     println!("night {night:.2}, Sun overhead {overhead:.2}, on the horizon {horizon:.2}, below {below:.2}");
-    // By hand: 0.1 of 1.26e5 lx is scattered, 0.02166 / theta^2 per sr; half of a dome lies beyond 60 degrees from its zenith.
+    // By hand: a fraction of 0.1 of 1.26e5 lx is scattered, with 0.02166 / theta^2 per sr. Half of a dome lies more than 60 degrees from its zenith.
     let veil = 0.1 * 1.26e5 * 0.02166 / 60f64.to_radians().powi(2);
     assert!((white_luminance_cd_m2(overhead) / (veil / 0.18) - 1.0).abs() < 0.1, "{overhead}");
     assert!(overhead > horizon && horizon > below && below > night + 5.0);
@@ -271,7 +271,7 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
     ground.radii_m = DVec3::splat(6.399e6);
     let sunset = planned(vec![ground, Body::preset(SolarBody::Sun, "sun", -zenith * AU_M)], &view, &settings);
     assert!((sunset - night).abs() < 1e-6, "{sunset}");
-    // The full Moon, 14 magnitudes fainter, hardly changes the exposure: without a change, its veil is already a fifth of white.
+    // The full Moon is 14 magnitudes fainter and hardly changes the exposure. Its veil is a fifth of white even if the exposure does not change.
     let mut moon = Body::preset(SolarBody::Moon, "moon", zenith * 3.84e8);
     moon.emission = Some(Emission { luminance_cd_m2: [4e3; 3], limb_darkening: 0.0, corona: false });
     let moonlit = planned(vec![moon], &view, &settings);
@@ -283,7 +283,7 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
 fn a_small_picture_is_as_bright_as_the_large_one_for_whose_pixels_the_exposure_is_meant() {
     let large = of_night(&[dome(4096)], &RenderSettings::default());
     let side_arcmin = large.0.pixels_sr[0].sqrt().to_degrees() * 60.0;
-    // By hand: the side is 54.47 arcminutes times the field of view in degrees, divided by the dome's size in pixels.
+    // By hand: the side of a pixel is 54.47 arcminutes times the field of view in degrees, divided by the dome's size in pixels.
     assert!((side_arcmin - 54.47 * 180.0 / 4096.0).abs() < 0.003, "{side_arcmin}");
     let exposure: ExposureSettings =
         ExposureValues { reference_pixel_arcmin: side_arcmin, ..Default::default() }.into();

@@ -1,5 +1,4 @@
-//! Light of bodies as sources of glare: a few sources for each eye, at the apparent position, without the parts that
-//! are hidden.
+//! Light of bodies as sources of glare: a few sources for each eye, at the apparent positions of the bodies. Hidden parts are left out.
 //!
 //! A body wider than the inner angle of glare has as many sources as its disc and its light require. Every pixel evaluates all of them, so
 //! there are at most [`MOST_SOURCES`].
@@ -19,16 +18,17 @@ pub const MOST_SOURCES: usize = 256;
 /// Minimum and maximum number of parts of a disc that has parts.
 const LEAST_PARTS: usize = 12;
 const MOST_PARTS: usize = 48;
-/// Minimum number of lit parts. To reach it, the disc of a crescent is divided into more and smaller parts, at most about the second number.
+/// Minimum number of lit parts. To reach it, the disc of a crescent is divided into more and smaller parts, at most about [`MOST_OF_CRESCENT`].
 const LEAST_LIT: usize = 6;
 const MOST_OF_CRESCENT: usize = 2048;
-/// Half width of a part in disc radii, times the root of the number of parts: wide enough that a disc of parts is smooth.
+/// Half width of a part, in units of the disc's radius divided by the root of the number of parts. It is wide enough that a disc of parts looks
+/// smooth.
 const SOFTNESS: f64 = 2.0;
 /// Distance between the parts of a disc, rad: two thirds of the default inner angle of glare.
 const SPACING_RAD: f64 = 1.2e-3;
 /// A body with a smaller radius is one source, rad.
 const SMALL_RAD: f64 = 3e-4;
-/// Distance in radii from which a body counts as one source: for a kernel that falls with the square of the angle, the error is then 1 %.
+/// Distance in radii from which a body counts as one source. For a kernel that is proportional to theta^-2, the error is then 1 %.
 const FAR_RADII: f64 = 10.0;
 
 /// A point of light: unit vector in world axes, and linear Rec. 709, lx.
@@ -148,7 +148,7 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
         points = lit(count);
     }
     if points.is_empty() {
-        // A crescent that falls between the points: place it at the limb, towards the sun.
+        // No point lies on the narrow crescent: place one source at the limb, towards the sun.
         let towards = lights.iter().max_by(|a, b| luminance(a.illuminance_lx).total_cmp(&luminance(b.illuminance_lx)));
         let aside = towards.and_then(|towards| towards.direction.reject_from_normalized(axis).try_normalize());
         return one(aside.map_or(axis, |aside| axis * radius_rad.cos() + aside * radius_rad.sin()));
@@ -209,7 +209,7 @@ mod tests {
         assert!((light_of(&sources) / expected - 1.0).abs() < 1e-9);
     }
 
-    /// Every body has at least one source, the brightest have parts, and the total is within the bound.
+    /// Every body has at least one source, the brightest bodies have parts, and the total number is within the bound.
     #[test]
     #[ignore = "long: make test-all"]
     fn many_bodies_stay_within_the_bound() {

@@ -1,8 +1,8 @@
 //! Parameters of the published glare pyramids: sizes and weights of the levels, and the blur between levels.
 //!
-//! Level 0 has half the picture's resolution, every level half that of the previous one. A level is the previous one, averaged over two by two
-//! texels and blurred by a Gaussian of [`SIGMA_TEXELS`] texels of the new level along both axes. So the width
-//! of the blur doubles from level to level, and the weighted sum over the levels is the published sum of Gaussians.
+//! Level 0 has half the picture's resolution, and every further level has half the resolution of the previous one. A level is the previous one,
+//! averaged over two by two texels and blurred by a Gaussian of [`SIGMA_TEXELS`] texels of the new level along both axes. So the width of the blur
+//! doubles from level to level. The weighted sum of the levels is the published sum of Gaussians.
 //!
 //! A blurred image is normalised to the light it contains, so level i alone has a peak of 1/(2 pi sigma_i^2): equal weights result in
 //! the inverse square of the distance, and the published halved weights in the inverse cube (a test measures -2.0 and -3.0).
@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 
 use crate::plan::settings::{GlareMethod, PyramidWeights};
 
-/// Standard deviation of the blur from which a level results, texels of the level.
+/// Standard deviation of the blur that produces a level, texels of the level.
 pub const SIGMA_TEXELS: f64 = 1.0;
 
 /// Taps on either side of the central one.
@@ -22,8 +22,9 @@ pub const TAPS_ASIDE: usize = 3;
 /// Minimum side of a level, except of level 0.
 const FEWEST_TEXELS: u32 = 4;
 
-/// Variance of the image of a point in a level, in squares of its texels: the cubic B-spline of the lookup (1/3), and for every level up to
-/// this one, the blur and the preceding average over two texels (1/16); each earlier level contributes a quarter of the next.
+/// Variance of the image of a point in a level, in squares of the level's texels. The cubic B-spline of the lookup contributes 1/3. Every level up to
+/// this one contributes the variance of its blur and of the preceding average over two texels (1/16); the contribution of each earlier level is a
+/// quarter of that of the next.
 const LEVEL_VARIANCE: f64 = SIGMA_TEXELS * SIGMA_TEXELS * 4.0 / 3.0 + 1.0 / 3.0 + 1.0 / 12.0;
 
 /// Axes along which the levels are blurred.
@@ -54,9 +55,8 @@ pub struct PyramidPlan {
 }
 
 impl PyramidPlan {
-    /// The levels of a picture of that size, pixels, down to a few texels along the shorter side. If a side is odd, the last
-    /// texel of level 0 repeats the border, and later levels round half the number of texels down, as mipmaps do: each texel is slightly
-    /// larger.
+    /// Returns the levels of a picture of the given size, pixels, down to a few texels along the shorter side. If a side is odd, the last texel of
+    /// level 0 repeats the border, and later levels round half the number of texels down, as mipmaps do: each texel is slightly larger.
     pub fn new(picture: [u32; 2]) -> Self {
         let mut size = picture.map(|side| side.div_ceil(2));
         let mut sizes = vec![size];
@@ -75,8 +75,8 @@ impl PyramidPlan {
         unscaled.into_iter().map(|weight| weight / sum).collect()
     }
 
-    /// Fraction of a point's light that falls on a pixel at that distance, as a sum of Gaussians. The borders of the picture and averages over single
-    /// pixels are ignored.
+    /// Fraction of a point's light that falls on a pixel at the given distance, as a sum of Gaussians. The borders of the picture and averages over
+    /// single pixels are ignored.
     pub fn per_px2(&self, weights: PyramidWeights, distance_px: f64) -> f64 {
         let gaussian = |(level, weight): (usize, f64)| {
             let variance = level_sigma_px(level).powi(2);
@@ -137,7 +137,7 @@ mod tests {
         assert!(plan.level_weights(PyramidWeights::Equal).iter().all(|weight| (weight * 6.0 - 1.0).abs() < 1e-12));
     }
 
-    /// Slope of the logarithm over two octaves far from the narrowest and the widest level.
+    /// Slope of the logarithm over two octaves of distance, far from the narrowest and the widest level.
     fn slope(plan: &PyramidPlan, weights: PyramidWeights) -> f64 {
         let ln_light = |distance_px: f64| plan.per_px2(weights, distance_px).ln();
         (ln_light(128.0) - ln_light(32.0)) / 4.0_f64.ln()

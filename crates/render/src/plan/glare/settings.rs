@@ -99,7 +99,7 @@ impl KeyEffects for GlareSettings {
         self.with(keys)
     }
 
-    /// `psf_file` is never reported as without effect: only a configuration can set it, and it may do so for views whose kernel becomes `psf` later.
+    /// `psf_file` is never reported as a key without effect: only a configuration can set it, possibly for views whose kernel becomes `psf` later.
     fn obstacle(&self, key: &str) -> Option<Obstacle> {
         let method = || format!("method = \"{}\"", self.method.name());
         let (present, needed) = match key {
@@ -159,7 +159,7 @@ impl GlareSettings {
     /// computed from the image.
     pub fn chosen(&self, stars: StarMethod) -> GlareMethod {
         match self.method {
-            // A kernel that determines its own fraction scatters light whatever `fraction` is.
+            // A kernel that determines its own fraction scatters light even if `fraction` is 0.
             _ if self.fraction == 0.0 && !self.is_absolute() => GlareMethod::None,
             GlareMethod::Auto if stars.draws_catalogue() => GlareMethod::SkyCube,
             GlareMethod::Auto => GlareMethod::ViewPyramid,
@@ -200,7 +200,7 @@ mod tests {
         let relative = GlareSettings { kernel: GlareKernelName::Cie, fraction: 0.25, ..GlareSettings::default() };
         assert_eq!(relative.fraction_scattered(), 0.25);
         let absolute = GlareSettings { absolute: true, ..relative };
-        // The formula scatters 28 per cent between 0.1 and 100 degrees, and the rest below and beyond.
+        // The formula scatters 28 per cent of the light between 0.1 and 100 degrees; the remaining scattered light is outside this range.
         let share = absolute.fraction_scattered();
         assert!((share - 0.39).abs() < 2e-3, "{share}");
         let old = GlareSettings { age_years: 80.0, ..absolute.clone() };

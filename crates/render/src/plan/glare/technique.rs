@@ -31,7 +31,7 @@ pub struct GlarePlan {
     pub map: GlareMap,
     /// Weights of the levels of a pyramid.
     pub weights: PyramidWeights,
-    /// `sky_cube`: light of asteroid fields that scatters in the eye of each viewport; empty without fields.
+    /// `sky_cube`: sources of glare from asteroid fields, for the eye of each viewport; empty without fields.
     pub extended_sources: Vec<Vec<ExtendedSource>>,
     /// `sky_cube` for frames with display images only: the veil of single sources is added to the sums of light together with the stars,
     /// and the rest is read from a coarse grid. `None`: glare is added to the finished pictures.
@@ -41,7 +41,7 @@ pub struct GlarePlan {
 /// Glare of frames with display images only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VeilInSums {
-    /// A source whose veil is below this is part of the smooth rest, cd/m^2, as if all light were scattered.
+    /// Luminance below which a source's veil is part of the smooth remainder, cd/m^2, as if all light were scattered.
     pub least_cd_m2: f64,
 }
 
@@ -50,7 +50,7 @@ pub struct VeilInSums {
 pub struct GlareMap {
     /// Fainter stars do not scatter, lx.
     pub faintest_lx: f64,
-    /// Relative tolerance: veil that a source may add without being drawn individually.
+    /// Relative tolerance: greatest veil of a source that is not drawn individually, as a fraction of the veil around it.
     pub tolerance: f64,
     /// Inner angle of the inverse-square kernel, rad; `None`: the kernel is read from a table.
     pub inverse_square_rad: Option<f64>,
@@ -69,7 +69,7 @@ impl GlareMap {
 }
 
 impl GlarePlan {
-    /// Fraction of the light of stars and points that is added to their images before glare is drawn.
+    /// Fraction of the light of stars and points that the sums of light contain before glare is drawn.
     pub fn share_in_sums(&self) -> f64 {
         if self.in_sums.is_some() { 1.0 - self.fraction } else { 1.0 }
     }
@@ -88,7 +88,8 @@ impl GlarePlan {
     }
 }
 
-/// Error of the kernel at the transition from the map of the sky to individual sources: interpolation, measured over all projections.
+/// Error of the kernel at the transition from the map of the sky to individual sources. It is due to interpolation and was measured for all
+/// projections.
 const MAP_ERROR: f64 = 0.01;
 
 /// Plans [`GlarePlan`].
@@ -137,7 +138,7 @@ impl Technique for Glare {
         if glare == GlareMethod::SkyCube && !stars.draws_catalogue() {
             return Err(PlanError::GlareOfCatalogue(stars.name()));
         }
-        // The exposure weighs the glare of bodies by the kernel, whatever the method.
+        // The exposure uses the kernel to weight the glare of bodies, with any glare method.
         if glare == GlareMethod::SkyCube || (glare != GlareMethod::None && !inputs.scene.objects.is_empty()) {
             kept.hold_kernel(&inputs.settings.glare)?;
         }

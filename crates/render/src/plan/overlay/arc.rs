@@ -21,8 +21,8 @@ pub struct Arc {
 }
 
 impl Arc {
-    /// A whole circle at infinity, with all points `radius_rad` from `axis`. Its angle begins at `u`; `u`, `v`, `axis` are orthogonal
-    /// unit vectors.
+    /// A whole circle at infinity: all its points are `radius_rad` from `axis`. Its angle is counted from `u`; `u`, `v`, `axis` are orthogonal unit
+    /// vectors.
     pub fn circle(axis: DVec3, u: DVec3, v: DVec3, radius_rad: f64) -> Self {
         let (sin, cos) = radius_rad.sin_cos();
         let nearness = [AT_INFINITY; 2];
@@ -36,7 +36,7 @@ impl Arc {
         Self { centre: DVec3::ZERO, u: middle, v, angles, nearness: [AT_INFINITY; 2], before_all: false }
     }
 
-    /// The same arc in front of everything.
+    /// The same arc, drawn in front of everything.
     pub fn before_all(self) -> Self {
         Self { before_all: true, ..self }
     }

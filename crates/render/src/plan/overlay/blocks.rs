@@ -61,7 +61,7 @@ fn touched(shape: &Shape, [columns, rows]: [u32; 2], visit: &mut dyn FnMut(usize
     };
     match *shape {
         Shape::Line { from, to, half_width_px, .. } => {
-            // A margin over the reach of the coverage, for f32 rounding.
+            // Slightly more than the reach of the coverage: a margin for f32 rounding.
             let reach = half_width_px + 0.6;
             let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
             let [first, last] = [top.y - reach, bottom.y + reach].map(|y| block(y, rows));

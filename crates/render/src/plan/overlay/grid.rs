@@ -55,7 +55,7 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Res
         let from_pole = FRAC_PI_2 - number as f64 * step;
         Arc::circle(axes.z_axis, axes.x_axis, axes.y_axis, from_pole)
     });
-    // Every fourth meridian continues to the poles, where all of them would be too dense.
+    // Only every fourth meridian continues to the poles: there, all meridians would be too dense.
     let meridians = (0..4 * divisions).map(|number| {
         let reach = if number % divisions == 0 { FRAC_PI_2 } else { FRAC_PI_2 - step };
         Arc::half_circle(direction(&axes, number as f64 * step, 0.0), axes.z_axis, reach)

@@ -18,7 +18,7 @@ use crate::scene::{
 const COMPASS: [&str; 8] = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
 /// Heights of the names of the four points and of those between them, pixels.
 const COMPASS_PX: [f64; 2] = [26.0, 16.0];
-/// Altitude of the middles of the names above the ground, rad: 4 degrees.
+/// Altitude of the centres of the names above the ground, rad: 4 degrees.
 const COMPASS_RAD: f64 = 0.07;
 
 /// Writes the points of the compass above the ground.
@@ -71,8 +71,8 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, objects: &SceneObje
     Ok(())
 }
 
-/// Inverse distance of a label, 1/m. A label at a point inside a body is in front of that body, which it names, and behind
-/// all nearer surfaces.
+/// Returns the inverse distance of a label, 1/m. If the label's point is inside a body, the label names that body: it is drawn in front of that body
+/// and behind all nearer surfaces.
 fn nearness(eye: &Eye<'_>, objects: &SceneObjects, point_m: DVec3) -> f64 {
     let own = objects.bodies.iter().filter_map(|body| {
         let radius_m = body.radii_m.max_element();

@@ -5,8 +5,8 @@
 //! pieces within a twentieth of a pixel of the curve. Text becomes one bitmap per glyph ([`text`]). The resulting items are sorted into blocks
 //! of pixels ([`blocks`]).
 //!
-//! Items are drawn in order. The items of a stroke count as one shape: overlaps take the largest coverage, so that translucent lines show no
-//! beads at their joints.
+//! Items are drawn in order. The items of a stroke count as one shape: where they overlap, the largest coverage counts, so that translucent lines
+//! show no beads at their joints.
 
 pub mod arc;
 pub mod blocks;
@@ -111,7 +111,7 @@ pub enum Shape {
         from: [i32; 2],
         /// One past the last column and row.
         to: [i32; 2],
-        /// Where its header begins ([`pictures::HEADER_WORDS`]): 32-bit words of [`OverlayPlan::texels`].
+        /// Position of its header ([`pictures::HEADER_WORDS`]) in [`OverlayPlan::texels`], 32-bit words.
         header: u32,
         /// Inverse distance, 1/m.
         nearness: f64,
@@ -159,7 +159,7 @@ impl OverlayPlan {
 /// Inputs of a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct OverlayInputs<'a> {
-    /// Contains the overlay, and the bodies that are labelled.
+    /// Scene with the overlay and the bodies that it labels.
     pub objects: &'a SceneObjects,
     /// The camera.
     pub camera: &'a Camera,
@@ -191,7 +191,7 @@ struct LastPlan {
     plan: Arc<OverlayPlan>,
 }
 
-/// Time of objects with parts in the horizon's axes or with refracting air, which turn with the Earth.
+/// Time of the objects, if some overlay parts turn with the Earth: parts in the axes of the horizon, or parts that air refracts.
 fn horizon_s(objects: &SceneObjects) -> Option<f64> {
     let has_grid = objects.overlay.shows_horizon();
     let bends = objects.surroundings.as_ref().is_some_and(|around| around.refraction.is_some());
@@ -339,7 +339,7 @@ impl<'a> Eye<'a> {
         self.refraction.map_or(seen, |refraction| refraction.seen(seen))
     }
 
-    /// The same, without refraction.
+    /// The same direction, without refraction.
     fn apparent_without_air(&self, direction: DVec3) -> DVec3 {
         let seen = self.motion.map_or(direction, |motion| motion.seen(direction));
         self.view_from_world * seen
@@ -366,7 +366,7 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    /// Makes the number of texels a multiple of 32-bit words.
+    /// Pads the texels to whole 32-bit words.
     fn align_texels(&mut self) {
         self.texels.resize(self.texels.len().next_multiple_of(4), 0);
     }
@@ -384,7 +384,7 @@ impl Drawing<'_> {
         Ok(())
     }
 
-    /// Draws lines in world axes, as one stroke. `bent`: whether air, if there is any, refracts them.
+    /// Draws lines in world axes, as one stroke. `bent`: whether air refracts them if there is any.
     fn lines(
         &mut self,
         eye: &Eye<'_>,

@@ -1,8 +1,8 @@
 //! The test pattern of an image, for aligning and assessing projectors.
 //!
-//! In the picture's geometry: circles every 10 degrees around the axis of the view, and a cross through it. For a projector: circles around the
-//! apex of the dome, and a star of twelve rays from it, which continue from projector to projector. In pixels, whatever the projection: a
-//! frame of the outermost pixels, lines every [`GRID_PX`] pixels, patches of single pixels, bars of colours and of greys, and the name.
+//! In the picture's geometry: circles every 10 degrees around the axis of the view, and a cross through it. For a projector: circles around the apex
+//! of the dome, and twelve rays from the apex; both continue from projector to projector. In pixels, for any projection: a frame of the outermost
+//! pixels, lines every [`GRID_PX`] pixels, patches of single pixels, bars of colours and of greys, and the name.
 
 use std::f64::consts::PI;
 
@@ -50,7 +50,7 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Resu
     let [u, v] = centre.across;
     let circles = (1..18).map(|tens| Arc::circle(centre.axis, u, v, f64::from(tens) * PI / 18.0).before_all());
     drawing.view_lines(eye, &CIRCLES, circles)?;
-    // Great circles through the axis, to both sides.
+    // Great circles through the axis, drawn to both sides of it.
     let cross = (0..centre.rays / 2).map(|ray| Arc::half_circle(centre.axis, centre.towards(ray), PI).before_all());
     drawing.view_lines(eye, &CROSS, cross)?;
     numbers(drawing, eye, &centre)?;
@@ -90,7 +90,7 @@ fn boxed(drawing: &mut Drawing<'_>, ink: Ink, [x0, y0]: [i32; 2], [x1, y1]: [i32
 fn pixel_grid(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanError> {
     let [width, height] = size.map(|side| side as i32);
     drawing.next_stroke();
-    // From the centre, so that the grid is symmetric.
+    // Start at the centre, so that the grid is symmetric.
     let lines = |side: i32| (side / 2 % GRID_PX as i32..side).step_by(GRID_PX as usize);
     for x in lines(width) {
         boxed(drawing, opaque(LINES.colour), [x, 0], [x + 1, height])?;
@@ -101,7 +101,7 @@ fn pixel_grid(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPl
     Ok(())
 }
 
-/// The outermost pixels, over everything else: they show whether the whole picture is visible.
+/// Draw the outermost pixels over everything else: they show whether the whole picture is visible.
 fn frame(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanError> {
     let [width, height] = size.map(|side| side as i32);
     drawing.next_stroke();
@@ -183,7 +183,7 @@ fn names(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Result<(), Ove
     ] {
         let run =
             Run { text: &text, size_px, ink: opaque(WHITE), nearness: BEFORE_ALL, place: Place::Centred, edged: false };
-        // On a plate, so that it is readable over the lines.
+        // Draw the name on a plate, so that it is readable over the lines.
         let half = [super::text::width_px(&text, size_px) / 2.0 + size_px / 3.0, size_px * 0.6];
         let anchor = middle(y);
         let corner =

@@ -1,4 +1,4 @@
-//! Pictures: where they lie in each image, and the texels that the pass reads.
+//! Pictures of an overlay: their positions in each image, and the texels that the pass reads.
 
 use std::{collections::HashMap, f64::consts::PI, sync::Arc};
 
@@ -20,7 +20,7 @@ const UP_STEP_RAD: f64 = 1e-4;
 /// Factor on the angular spread of a block's samples, which covers the directions between them.
 const REACH: f64 = 1.3;
 
-/// Where the texels of the levels of pictures begin, 32-bit words.
+/// First 32-bit word of the texels of each level of each picture.
 pub type FirstTexels = HashMap<(*const PictureLevels, usize), u32>;
 
 /// A picture in view axes.

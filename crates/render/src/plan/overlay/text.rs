@@ -1,7 +1,7 @@
 //! Text: glyphs as bitmaps of exact coverage.
 //!
-//! The outline of a glyph is placed, rotated and filled by area, for each quarter of a pixel and each 1024th of a turn; the bitmap is then
-//! placed on whole pixels. Text next to lines has a dark edge, drawn first, so that it is readable on any background. Text next to a direction
+//! The outline of a glyph is placed, rotated and filled by area, for each quarter of a pixel and each 1024th of a turn; the bitmap is then placed on
+//! whole pixels. Text next to lines has a dark edge, which is drawn first, so that the text is readable on any background. Text next to a direction
 //! is upright towards the camera's +y axis, so that it is readable all around a dome.
 
 use std::{collections::HashMap, f64::consts::TAU};
@@ -27,7 +27,7 @@ const EDGE: f64 = 0.1;
 const LEAST_EDGE_PX: f64 = 1.5;
 /// Opacity of the dark edge, as a fraction of the text's.
 const EDGE_OPACITY: f64 = 0.75;
-/// Step along the upward direction for finding its image, rad.
+/// Step along the upward direction, to find the image of this direction, rad.
 const UP_STEP_RAD: f64 = 1e-4;
 
 /// Position of text relative to its anchor.
@@ -246,7 +246,7 @@ impl Drawing<'_> {
                 Place::Beside { gap_px } => (right + up) * gap_px,
                 Place::Centred => right * (-length_px / 2.0) - up * (CAPITALS / 2.0 * run.size_px),
             };
-        // In an image without left and right borders, text continues at the opposite side.
+        // In an image without left and right borders, text that crosses one side continues at the opposite side.
         let wraps = matches!(eye.viewport.projection, Projection::Equirectangular(_));
         for edge in [true, false] {
             if edge && !run.edged {

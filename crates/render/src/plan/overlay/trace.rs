@@ -1,9 +1,9 @@
 //! Arcs through a projection: straight pieces in the image that follow the curve.
 //!
-//! An arc is halved until its image lies within [`TOLERANCE_PX`] of a chord, at three points between the ends that are at about the expected
-//! positions along it. This never holds at a jump of the projection (behind a flat picture, at the rim of a whole sphere, at a pole): there
-//! halving ends at [`LEAST_SPAN_RAD`], and that piece is left out. An equirectangular image continues across its left and right borders, so its seam is
-//! not a jump: a piece that touches a border is drawn on both sides.
+//! An arc is halved until its image lies within [`TOLERANCE_PX`] of a chord. This is tested at three points between the ends; they must also be at
+//! about the expected positions along the chord. At a jump of the projection (behind a flat picture, at the rim of a whole sphere, at a pole) the
+//! test never passes: halving ends at [`LEAST_SPAN_RAD`], and the last piece is left out. An equirectangular image continues across its left and
+//! right borders, so its seam is not a jump: a piece that touches a border is drawn on both sides.
 
 use std::f64::consts::PI;
 
@@ -99,7 +99,7 @@ impl<'a> Tracer<'a> {
         Sample { angle, direction, pixel: self.mapping.pixel_from_direction(direction) }
     }
 
-    /// The pixel, in the copy of the image that is nearest to `to`.
+    /// The pixel, shifted to the copy of the image in which it is nearest to `to`.
     fn near(&self, pixel: DVec2, to: DVec2) -> DVec2 {
         match self.wrap_px {
             Some(width) => DVec2::new(pixel.x - width * ((pixel.x - to.x) / width).round(), pixel.y),
@@ -107,7 +107,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Whether the image of a piece with these points, which may bulge by `bulge_px` more, is outside the picture.
+    /// Whether the image of a piece with these points is outside the picture, even if it bulges by `bulge_px` beyond them.
     fn is_outside(&self, points: &[DVec2], bulge_px: f64) -> bool {
         let margin = DVec2::splat(self.margin_px + bulge_px);
         let least = points.iter().copied().fold(DVec2::INFINITY, DVec2::min) - margin;
@@ -207,7 +207,7 @@ fn distance_to_chord(point: DVec2, start: DVec2, end: DVec2) -> f64 {
     point.distance(start + chord * part.clamp(0.0, 1.0))
 }
 
-/// Whether a point of a curve is near its chord, and at about the fraction `part` of the way along it.
+/// Whether a point of a curve is near the curve's chord, and at about the fraction `part` of the way along the chord.
 fn is_on_chord(point: DVec2, start: DVec2, end: DVec2, part: f64) -> bool {
     let chord = end - start;
     let along = (point - start).dot(chord) / chord.length_squared().max(1e-300);

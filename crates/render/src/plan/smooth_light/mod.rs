@@ -1,6 +1,6 @@
-//! The map of faint light: pictures of the sky, fixed in the world, that contain the sum of all stars whose brightness in a display image is only a
-//! few steps. A frame reads the map pixel by pixel, so that its cost does not depend on the number of these stars. The map is reused while the camera
-//! turns, and made again for another camera position.
+//! The map of faint light: pictures of the sky, fixed in the world, that contain the sum of all stars that are at most a few steps bright in a
+//! display image. A frame reads the map pixel by pixel, so that its cost does not depend on the number of these stars. The map is reused while the
+//! camera turns, and is made again if the camera moves.
 //!
 //! Wide views read the six round pictures of the whole sky of [`crate::sky_pictures`]. Narrow views need texels too small for that: they read the
 //! pieces of [`pieces`], of which only those in view are drawn. Neither kind of picture cuts a star at its edge.
@@ -8,7 +8,7 @@
 //! The light of a star is divided among nine texels (the quadratic B-spline), and a pixel is interpolated between four (the tent). The average
 //! variance is (1/4 + 1/6) texels^2. The size of texels in [`OF_TENT`] makes it equal to the variance of the tent with which exact images draw such
 //! stars, 1/6 px^2. With the tent for both steps, the error would vary more with the position of a star among the texels. It varies less for smaller
-//! texels that are blurred when they are stored, so these may hold brighter stars.
+//! texels that are blurred when they are stored, so such texels may hold brighter stars.
 
 pub mod pieces;
 
@@ -54,9 +54,9 @@ use crate::{
 struct Texels {
     /// Side at the centre of a view, pixels.
     side_px: f64,
-    /// When a texel is stored, it is averaged with its neighbours along each axis: weights of the neighbours at distances of one and two texels.
+    /// Blur, applied along each axis when a texel is stored: weights of the neighbours at distances of one and two texels.
     blur: [f64; 2],
-    /// Greatest difference of a star's light in a pixel from that in exact images, relative to texels without blur.
+    /// Greatest difference between a star's light in a pixel and its light in exact images, relative to that of texels without blur.
     error: f64,
 }
 
@@ -65,15 +65,15 @@ const OF_TENT: Texels = Texels { side_px: 0.632, blur: [0.0; 2], error: 1.0 };
 /// Texels of pictures of the whole sky for a deep store, whose faint stars exact images draw with the B-spline. Measured with
 /// `benches/deep_patches.rs`.
 const OF_DEEP: Texels = Texels { side_px: 0.65, ..OF_TENT };
-/// The same for pieces, from the best texels to those that need the least memory. Texels larger than those of equal variance have smaller errors. The
-/// greatest difference is 7 % of a star's light for blurred texels and 21 % for others, over all positions of a star among the texels and all angles
-/// between texels and square pixels. Domes would gain only half of this, because their pixels are far from square, so they have no blurred texels.
+/// The same for pieces, from the best texels to those that need the least memory. Texels that are larger than the size of equal variance have smaller
+/// errors. The greatest difference is 7 % of a star's light for blurred texels and 21 % for others, over all positions of a star among the texels and
+/// all angles between texels and square pixels. Domes have no blurred texels: their pixels are far from square, so they would gain only half as much.
 const OF_DEEP_PIECES: [Texels; 2] =
     [Texels { side_px: 0.45, blur: [0.291, 0.0243], error: 0.38 }, Texels { side_px: 0.85, ..OF_TENT }];
 /// Largest cell of the composite stars of a deep store, pixels. It is smaller than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds
 /// to the error.
 pub(super) const CELL_PX: f64 = 0.66;
-/// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
+/// Illuminance of the brightest star of the map, divided by the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
 /// The same for the central pixel, for a deep store: the errors of several such stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
 const BRIGHTEST_STEPS_AT_CENTRE: f64 = 0.8;
@@ -83,14 +83,14 @@ const LEAST_PIXEL_RATIO: f64 = 0.45;
 const LEAST_RATIO_OF_PIECES: f64 = 0.1;
 /// Greatest ratio of the central pixels of two views that read one map.
 const MOST_VIEW_RATIO: f64 = 1.25;
-/// Greatest distance of an eye from the camera for which the map's stars have the right direction.
+/// Greatest distance of an eye from the camera at which the directions of the map's stars are still right.
 const FARTHEST_EYE_M: f64 = 1e9;
 
-/// Number of pictures that are drawn in one separate frame.
+/// Number of pictures of a map that are drawn together, in one separate frame.
 pub const PICTURES_AT_ONCE: usize = 8;
-/// Ratio of the words of a buffer for pieces to those of the pieces that a frame reads, so that there is room for pieces of other sizes.
+/// Size of the buffer for pieces, divided by the size of the pieces that a frame reads. The spare room is for pieces of other sizes.
 const SPARE: f64 = 1.3;
-/// Words of a piece before its texels.
+/// Number of words of a piece's header, which precedes its texels.
 pub const PIECE_WORDS: u32 = 12;
 
 /// Pictures of a map.
@@ -144,7 +144,7 @@ impl SkyMap {
         }
     }
 
-    /// Largest cell of composite stars in its pictures, the root of its area over that of a texel.
+    /// Largest cell of composite stars in its pictures: the root of the ratio of its area to that of a texel.
     pub fn cell_texels(&self) -> f64 {
         CELL_PX / self.texels.side_px
     }
@@ -177,7 +177,7 @@ impl SkyMap {
 }
 
 impl SkyPart {
-    /// Divides pictures of a map among frames.
+    /// Divides the pictures of a map among frames.
     pub fn of(map: SkyMap, pictures: &[SkyPicture]) -> Vec<Self> {
         let at_once = if matches!(map.layout, SkyLayout::Whole { .. }) { 1 } else { PICTURES_AT_ONCE };
         let part = |some: &[SkyPicture]| {
@@ -228,12 +228,12 @@ struct SkyInputs<'a> {
     limits: &'a Limits,
 }
 
-/// A map that a frame reads, and the stars that it contains or leaves.
+/// A map that a frame reads, and the division of the stars between the map and the frame.
 #[derive(Clone, Debug)]
 pub struct SkyPlan {
     /// The map.
     pub map: SkyMap,
-    /// Number of stars in the map over the whole sky. Stars of a deep store count if the frame itself draws none of their layer.
+    /// Number of stars in the map of the whole sky. Stars of a deep store are counted if the frame itself draws no star of their layer.
     pub in_map: u64,
     /// For each chunk of the scene, the number of its stars in the map.
     in_map_of_chunk: Arc<[u64]>,
@@ -241,8 +241,8 @@ pub struct SkyPlan {
     pub others: Arc<StarSet>,
     /// The pictures that the frame reads.
     pub read: Arc<[WantedPicture]>,
-    /// Number of stars and composite stars of a deep store that a frame must not have to draw, besides the other stars in the map, for the map to be
-    /// worth its cost.
+    /// The map is worth its cost if it saves the frame from drawing this number of stars and composite stars of a deep store, in addition to the
+    /// other stars in the map.
     least_saved: f64,
 }
 
@@ -252,7 +252,7 @@ impl SkyPlan {
         self.least_saved <= 0.0
     }
 
-    /// Number of stars and composite stars of a deep store that a frame must not have to draw for the map to be worth its cost.
+    /// Number of stars and composite stars of a deep store that the map must save a frame from drawing to be worth its cost.
     pub(super) fn least_saved(&self) -> u64 {
         self.least_saved.ceil().max(0.0) as u64
     }
@@ -298,7 +298,7 @@ impl SmoothLight {
     }
 }
 
-/// Number of stars in the chunks that are in view, from the number in each chunk.
+/// Number of stars in the chunks that are in view. `of_chunk` returns the number of stars in a chunk.
 fn in_view(inputs: &SkyInputs<'_>, of_chunk: &(dyn Fn(usize) -> u64 + Sync)) -> f64 {
     let SkyInputs { stars, camera_pc, viewports, cull, .. } = inputs;
     let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
@@ -348,8 +348,8 @@ impl Technique for SmoothLight {
 }
 
 /// Bound of the error of the brightest star that a map may contain in these views. The error is at most the star's light, since the weights of its
-/// kernel and of the tent are between 0 and 1; blurred texels have a smaller error. The budget is for the error of a pixel. A single star may have
-/// [`BRIGHTEST_STEPS`] of it, because its light is not lost but spread.
+/// kernel and of the tent are between 0 and 1; blurred texels have a smaller error. The budget applies to the error of a pixel. A single star may
+/// have an error of [`BRIGHTEST_STEPS`] steps, because its light is not lost but spread.
 fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: ErrorBudget) -> Approximation {
     let name = "the brightest star in the map of faint light, compared with that star drawn individually";
     let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
@@ -358,8 +358,8 @@ fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: Erro
     budget.bound_in_steps(name, steps, BRIGHTEST_STEPS * (1.0 + 1e-9))
 }
 
-/// Illuminance of the brightest star of the map of a deep store over the solid angle of the smallest pixel, in steps of the display image, for texels
-/// without blur. It is rounded to steps of a fixed factor, so that it seldom changes during a zoom.
+/// Illuminance of the brightest star of the map of a deep store, divided by the solid angle of the smallest pixel, in steps of the display image, for
+/// texels without blur. It is rounded to steps of a fixed factor, so that it seldom changes during a zoom.
 fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
     let middle_rad =
         viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(f64::INFINITY, f64::min);
@@ -378,7 +378,7 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     let whole = whole.map(|rad| SkyPictures::of_texels(of_whole.side_px * rad)).filter(|whole| {
         4 * whole.texels() <= limits.max_binding_bytes
             && whole.side <= limits.max_view_side_px
-            // For pictures of the whole sky, all stars of every layer that reaches this illuminance would have to be read.
+            // Pictures of the whole sky would need all stars of every layer that reaches this illuminance.
             && (deep.is_none() || layers_from(below_lx) == 0)
     });
     if let Some(SkyPictures { side }) = whole {
@@ -458,7 +458,7 @@ fn pieces_in(grid: &PieceGrid, texel_px: f64, viewports: &[Viewport], cull: &Cul
     near.into_par_iter().filter_map(wanted).collect::<Vec<_>>().into()
 }
 
-/// Whether the texels of one map, perhaps in pieces, have the right size for all of these views.
+/// Whether the texels of one map, which may be in pieces, have a suitable size for all of these views.
 pub(super) fn fit_one_map(viewports: &[Viewport]) -> bool {
     finest_pixel_rad(viewports, LEAST_RATIO_OF_PIECES).is_some()
 }
@@ -514,7 +514,7 @@ fn divide(set: &StarSet, map: SkyMap) -> SkyPlan {
     }
 }
 
-/// A star of the scene as a catalogue record. Packed again it has exactly the same light, so it gets the same kernel.
+/// A star of the scene as a catalogue record. If it is packed again, its light is exactly the same, so it gets the same kernel.
 fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> StarRecord {
     let (position, of_lx) = match chunk.at_infinity {
         true => (place, star.illuminance_at_1_pc_lx()),

@@ -13,19 +13,19 @@ use crate::{sky_pictures::world_from_face, view::projection::BoundingCone};
 pub const PIECE_SIDE: u32 = 512;
 /// Greatest number of pieces along the edge of a face.
 pub const MOST_PER_EDGE: u32 = 256;
-/// Width of the margin around a piece, texels. Each part of 8 by 8 pixels of a plain block reads the piece at its middle. So pixels up to 5.7 pixels
-/// outside the piece read it. In texels, this distance is multiplied by 1.25 (largest size of pixels relative to the finest view), by the factor of
-/// [`LEVELS_READ`] levels, and by 2.23 (texels per pixel, at most). Two texels are added for the tent and rounding, and two for blur.
+/// Width of the margin around a piece, texels. Each part of 8 by 8 pixels of a plain block reads the piece at its middle. So the piece is read for
+/// pixels up to 5.7 pixels outside it. In texels, this distance is multiplied by 1.25 (largest size of pixels relative to the finest view), by the
+/// factor of [`LEVELS_READ`] levels, and by 2.23 (texels per pixel, at most). Two texels are added for the tent and rounding, and two for blur.
 const MARGIN_TEXELS: f64 = 31.0;
-/// Number of levels over which the size of texels doubles.
+/// Number of levels per doubling of the size of texels.
 const LEVELS_PER_OCTAVE: f64 = 8.0;
 /// The coarsest level.
 const COARSEST_LEVEL: u8 = 24;
 /// A picture is read if its level differs by at most this from the wanted one. The error of the brightest star of a map is then less than a code.
 const LEVELS_READ: f32 = 6.0;
-/// A picture is drawn again, when there is time, if its level differs by more than this.
+/// If the level of a picture differs by more than this from the wanted one, the picture is drawn again when there is time.
 const LEVELS_KEPT: f32 = 0.75;
-/// Number of steps over which the size of the finest texels doubles. Sizes have steps so that they seldom change during a zoom.
+/// Number of steps per doubling of the size of the finest texels. Sizes change in steps so that they seldom change during a zoom.
 pub const SIZES_PER_OCTAVE: f64 = 16.0;
 /// Parameter of the division of a face that makes pieces nearly equally large.
 pub const PIECE_EVENNESS: f64 = 0.4;
@@ -68,7 +68,7 @@ impl WantedPicture {
         self.off_by(level) <= LEVELS_READ
     }
 
-    /// Whether a picture with texels of this level is as good as one that would be drawn now.
+    /// Whether a picture with texels of this level is as good as a newly drawn one.
     pub fn keeps(&self, level: u8) -> bool {
         self.off_by(level) <= LEVELS_KEPT
     }
@@ -108,7 +108,7 @@ fn cone_around(corners: &[DVec3; 4]) -> BoundingCone {
 }
 
 impl PieceGrid {
-    /// The fewest pieces with texels of about this angle, rad; `None`: there would be too many.
+    /// The division into the fewest pieces with texels of about this angle, rad; `None` if there would be too many pieces.
     pub fn of_texels(texel_rad: f64) -> Option<Self> {
         let texel = ((texel_rad.log2() * SIZES_PER_OCTAVE).round() / SIZES_PER_OCTAVE).exp2();
         // A piece at the centre of a face is nearly a square.
@@ -128,7 +128,7 @@ impl PieceGrid {
         })
     }
 
-    /// A piece with texels of about this angle, rad.
+    /// The wanted picture of a piece, with texels of about this angle, rad.
     pub fn wanted(&self, number: u32, texel_rad: f64) -> WantedPicture {
         let level = LEVELS_PER_OCTAVE * (texel_rad / self.texel).log2();
         WantedPicture { number, level: level.clamp(0.0, f64::from(COARSEST_LEVEL)) as f32 }
@@ -296,7 +296,7 @@ mod tests {
                     u64::from(frame.size[0]) * u64::from(frame.size[1])
                 })
                 .sum();
-            // Ratio of the texels of all pictures to those of the sky.
+            // Ratio of the number of texels of all pictures to the number that the sky itself would need.
             let ratio = texels as f64 * grid.texel.powi(2) / (4.0 * std::f64::consts::PI);
             assert!((1.0..1.9).contains(&ratio), "{grid:?}: {ratio}");
         }

@@ -18,10 +18,11 @@ use crate::{
 /// Relative brightness below which the published Gaussian is cut off: half a step of eight bits.
 pub const THRESHOLD_BRIGHTNESS: f64 = 1.0 / 512.0;
 
-/// Base of the magnitude scale as published: a rounded 100^(1/5).
+/// Base of the magnitude scale as published: 100^(1/5), rounded.
 pub const PUBLISHED_POGSON: f64 = 2.512;
 
-/// Limit of the relative brightness of a Gaussian: with the published exponent it leaves the range of f32 for magnitudes a little below zero.
+/// Limit of the relative brightness of a Gaussian. With the published exponent, the brightness exceeds the range of f32 for magnitudes slightly below
+/// zero.
 pub const GREATEST_BRIGHTNESS: f64 = 1e20;
 
 /// Diameters of `scaled_disc` at the brightest and the faintest magnitude, relative to the configured one.
@@ -98,7 +99,7 @@ impl BillboardPlan {
     }
 
     /// The least half angle to which `psf_texture` is cropped: two texels, or a pixel at the centre of the plane if that is larger. So cropping does
-    /// not make a faint star vanish between pixels more often than the texture itself does.
+    /// not make a faint star vanish between pixels more often than it would without cropping.
     pub fn least_crop_rad(psf: &DrawnPsf, pixel_rad: f64) -> f64 {
         (2.0 * psf.form.pixel_rad).max(pixel_rad).min(psf.form.half_width_rad())
     }
@@ -116,8 +117,8 @@ mod tests {
         let magnitude = magnitude_from_illuminance_lx(plan.faintest_lx);
         let brightness = PUBLISHED_POGSON.powf((7.0 - 1.0) * (1.0 - magnitude));
         assert!((brightness / THRESHOLD_BRIGHTNESS - 1.0).abs() < 1e-9, "{magnitude} {brightness}");
-        // The exponent as published multiplies two ranges of magnitudes: six times too steep here, so that a star of
-        // magnitude 2.13 is the faintest visible one, although the limit is 7.
+        // The published exponent is a product of two ranges of magnitudes. Here it is six times too steep, so a star of magnitude 2.13 is the
+        // faintest visible one although the limit is 7.
         assert!((magnitude - 2.129).abs() < 1e-3, "{magnitude}");
         let disc = StarSettings { method: StarMethod::Disc, magnitude_limit: 6.0, ..StarSettings::default() };
         let plan = BillboardPlan::new(&disc, 0.0, 0.0, None);

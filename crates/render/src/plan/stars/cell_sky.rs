@@ -3,7 +3,7 @@
 use super::settings::CellSkySettings;
 use crate::photometry::exposure::white_luminance_cd_m2;
 
-/// A star's position is within this fraction of half a cell's side from the centre of its cell.
+/// Maximum distance of a star from the centre of its cell along each axis, as a fraction of half the cell's side.
 pub const JITTER: f64 = 0.5;
 /// Brightness of the faintest star. The brightest star has brightness 1, and the number of stars falls as brightness^-2.5.
 pub const FAINTEST: f64 = 0.02;

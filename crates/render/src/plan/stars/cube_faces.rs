@@ -1,5 +1,5 @@
-//! Projections other than flat planes for methods that were published for a flat image plane: they draw the six faces of a cube
-//! around the view's axes as planes, and the picture reads them by direction.
+//! Lets methods that were published for a flat image plane draw other projections: they draw the six faces of a cube around the view's axes as
+//! planes, and the picture reads the faces by direction.
 //!
 //! The picture reads luminance with bilinear interpolation, so a footprint of a few pixels keeps its light only if
 //! its pixels and those of the picture have a similar size; the light of a point depends on its sub-pixel position. This error is inherent in the
@@ -35,8 +35,8 @@ impl CubeFaces {
         let mean_sr = projection.picture_solid_angle_sr() / pixels;
         let edge = (4.0 * PI / 6.0 / mean_sr).sqrt().ceil();
         let edge_px = (edge as u32).clamp(1, max_side_px.saturating_sub(2 * GUARD_PX).max(1));
-        // Angles between -z and the nearest direction of a face: 0 for the front, 45 degrees for the sides, that of a corner for the back. A texel of
-        // slack is added for interpolation.
+        // Angles between -z and the nearest direction of a face: 0 for the front, 45 degrees for the sides, and for the back the angle to a corner. A
+        // texel of slack is added for interpolation.
         let slack = 4.0 / f64::from(edge_px);
         let needed = Face::ALL.map(|face| {
             let nearest = match face {
@@ -49,8 +49,8 @@ impl CubeFaces {
         Some(Self { edge_px, needed })
     }
 
-    /// Number of array layers of the faces in the order of [`Face::ALL`], up to the last one needed: a narrow picture needs one,
-    /// and its face is large.
+    /// Number of array layers: the faces in the order of [`Face::ALL`], up to the last one that is needed. A narrow picture needs only one face,
+    /// which is large.
     pub fn layers(&self) -> usize {
         self.needed.iter().rposition(|needed| *needed).map_or(1, |last| last + 1)
     }
@@ -83,7 +83,7 @@ mod tests {
 
         let sky = Projection::Equirectangular(Equirectangular::new([512, 256]).unwrap());
         let cube = CubeFaces::for_projection(&sky, 4096).unwrap();
-        // 512 x 256 pixels over six faces.
+        // The 512 x 256 pixels are distributed over six faces.
         assert_eq!(cube, CubeFaces { edge_px: 148, needed: [true; 6] });
         assert_eq!(CubeFaces::for_projection(&sky, 64).unwrap().edge_px, 60);
     }

@@ -1,9 +1,9 @@
-//! Selects the chunks of stars that may be visible in each viewport, computes bounds of the light of their stars, and marks chunks so near that f32
-//! offsets from the camera are not accurate enough.
+//! Selects the chunks of stars that may be visible in each viewport, and computes bounds of the light of their stars. It also marks chunks that are
+//! so near that f32 offsets from the camera are not accurate enough.
 //!
-//! Bounds are three-dimensional: a sphere around the chunk and, while the camera is nearer to the barycentre than the
-//! chunk is, the chunk's cone widened by the parallax. Both are valid, so the narrower one counts. For a moving camera, the
-//! cones are transformed (`crate::relativity`), and the light of the stars changes (`travel`).
+//! Bounds are three-dimensional: a sphere around the chunk and, if the camera is nearer to the barycentre than the chunk is, the chunk's cone,
+//! widened by the parallax. Both are valid, so the narrower one counts. For a moving camera, the cones are transformed (`crate::relativity`), and the
+//! light of the stars changes (`travel`).
 
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -23,7 +23,7 @@ use crate::{
     },
 };
 
-/// Kernels reach 1.5 px beyond an edge; half a pixel more covers f32 rounding.
+/// Kernels reach 1.5 px beyond an edge. A further half pixel covers f32 rounding.
 pub const SPLAT_MARGIN_PX: f64 = 2.0;
 
 /// A chunk is near if rounding its origin to f32 would change a star's direction by more than 5e-7 rad (0.1").
@@ -63,9 +63,9 @@ pub(in crate::plan) struct Field {
     half_angle_rad: f64,
     /// Inward normals of planes through the eye.
     planes: Vec<DVec3>,
-    /// The field is in the frame of the moving observer, the chunks are in that of the stars.
+    /// Motion of the observer: the field is in the frame of the moving observer, and the chunks are in the frame of the stars.
     motion: Option<Motion>,
-    /// The field is also seen through air.
+    /// Refraction of the field by air; `None`: there is none.
     refraction: Option<Refraction>,
 }
 
@@ -240,7 +240,7 @@ fn look_at(
     if count == 0 {
         return None;
     }
-    // For a chunk with a wide range of Doppler factors, only the sum over its stars is a useful bound.
+    // For a chunk with a wide range of Doppler factors, only the sum of the light of its stars is a useful bound.
     let wide = boost.is_some_and(|(_, [lowest, highest])| highest > WIDE_IN_FLIGHT * lowest);
     let (brightest_lx, total_lx) = if near || wide {
         // At infinity the position is a direction, the same for every eye.
@@ -266,7 +266,7 @@ fn doppler_range(motion: &Motion, chunk: &Chunk, camera_pc: DVec3, origin_pc: DV
             .map(|cone| motion.doppler_range(cone.axis, cone.half_angle_rad))
             .fold(all, |[lowest, highest], [low, high]| [lowest.max(low), highest.min(high)])
     };
-    // Both cones contain the stars, so that the ranges overlap, except for rounding.
+    // Both cones contain the stars, so the ranges overlap, except for rounding.
     let ranges = eyes_pc.iter().map(|eye| for_eye(*eye));
     let [lowest, highest] = ranges
         .fold([f64::INFINITY, 0.0], |[lowest, highest]: [f64; 2], [low, high]| [lowest.min(low), highest.max(high)]);
@@ -359,7 +359,7 @@ mod tests {
         ]
     }
 
-    /// At rest, and fast in several directions.
+    /// Test a camera at rest, and fast cameras in several directions.
     fn motions() -> [Option<Motion>; 5] {
         [DVec3::ZERO, DVec3::X * 0.3, DVec3::new(-0.5, 0.6, 0.45), DVec3::NEG_Z * 0.99, DVec3::Y * 0.9999]
             .map(Motion::new)

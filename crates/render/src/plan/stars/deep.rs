@@ -1,8 +1,8 @@
 //! Stars of a deep store in a plan: the detail in which each part of the sky is drawn, and the pages that are needed for it.
 //!
 //! A composite star has the light of all faint stars of a cell. A cell may be as large as [`DIRECT_CELL_PX`] pixels where views draw composite stars
-//! themselves, and [`crate::plan::smooth_light::SkyMap::cell_texels`] texels in the map of faint light. If no plane is fine enough, all stars are
-//! drawn. Pages that have not been read yet are replaced by coarser ones; [`Residual`] is a bound of the resulting error.
+//! themselves, and [`crate::plan::smooth_light::SkyMap::cell_texels`] texels in the map of faint light. If no plane of composite stars is fine
+//! enough, all stars are drawn. Pages that have not been read yet are replaced by coarser ones; [`Residual`] is a bound of the resulting error.
 
 use std::{
     collections::HashSet,
@@ -31,32 +31,32 @@ use crate::{
 /// Largest cell of composite stars: root of the ratio of its area to that of a pixel. With 749 stars per pixel, the measured error at this size is
 /// 0.18 codes.
 pub const DIRECT_CELL_PX: f64 = 0.8;
-/// Ratio of the luminance of the brightest star that a composite star may replace, if all of its light is in one pixel, to the least luminance that
-/// may be visible. Measured with `benches/deep_patches.rs`.
+/// Greatest luminance of a star that a composite star may replace, relative to the least luminance that may be visible. The star's luminance is
+/// computed as if all of its light were in one pixel. Measured with `benches/deep_patches.rs`.
 const MOST_SEEN: f64 = 1.5;
-/// If the magnitude limit is at least this, all stars of a store are drawn. Only then may composite stars be used: they cannot be divided by
+/// If the magnitude limit is at least this, all stars of a store are drawn. Composite stars may be used only then, because they cannot be divided by
 /// magnitude.
 pub const WHOLE_FROM_MAGNITUDE: f64 = 21.0;
 /// Magnitude up to which all stars of a deep store are resident.
 const RESIDENT_TO_MAGNITUDE: f64 = LAYERS[0].magnitude as f64;
-/// Stars of a page are in the order of their light before rounding. Rounding leaves more than this fraction of the light.
+/// The stars of a page are sorted by their light before rounding. The rounded light is more than this fraction of it.
 const LIGHT_ROUNDING: f64 = 0.98;
 /// Reach of the kernels of composite stars, pixels.
 const KERNEL_REACH_PX: f64 = 1.5;
 /// Illuminance of the brightest star of each layer, lx.
 static BRIGHTEST_LX: LazyLock<[f64; LAYERS.len()]> =
     LazyLock::new(|| LAYERS.map(|layer| illuminance_lx_from_magnitude(layer.brightest_mag())));
-/// Share of the memory for pages that the pages of one plan may take: the rest is for pages of other views and of later frames.
+/// Share of the memory for pages that the pages of one plan may take. The remainder is for pages of other views and of later frames.
 const SHARE_OF_A_PLAN: f64 = 0.9;
 
 /// Pages that views will need within this time, if they continue to turn at the same rate, are requested in advance. Reading the pages of a view from
 /// a disk takes about half of this time.
 const AHEAD: Duration = Duration::from_millis(500);
-/// Urgency of pages that are requested in advance: less than that of any error.
+/// Urgency of pages that are requested in advance: lower than that of any page whose absence causes an error.
 const AFTER_ALL_ELSE: f64 = -1.0;
 /// If frames are farther apart than this, the turn of the views is unknown.
 const LONGEST_FRAME: Duration = Duration::from_millis(500);
-/// A turn within [`AHEAD`] of more than this is a jump, rad.
+/// If the views turn by more than this within [`AHEAD`], the turn is a jump, rad.
 const MOST_TURN_RAD: f64 = 1.0;
 /// A turn of less than this fraction of a view's radius needs no new pages.
 const LEAST_TURN: f64 = 1e-3;
@@ -74,7 +74,7 @@ pub(super) enum Drawn {
         /// The limit.
         from_lx: f64,
     },
-    /// The stars of a map of faint light. Layers that reach the limit are drawn star by star.
+    /// The stars of a map of faint light. Layers with stars as bright as the limit are drawn star by star.
     Fainter {
         /// The limit.
         below_lx: f64,
@@ -143,11 +143,11 @@ pub struct DeepPlan {
     pub streamed: Vec<(PageKey, u64)>,
     /// Pages that were needed but not in memory.
     pub missing: Vec<PageKey>,
-    /// Bound of the error that these cause.
+    /// Bound of the error that missing and coarser pages cause.
     pub residual: Residual,
     /// Stars that each viewport lacks; only in plans for pictures of a map.
     pub lacks: Vec<Lack>,
-    /// Greatest number of codes of an 8-bit display image per cd/m^2; 0: not known.
+    /// Greatest number of codes of an 8-bit display image per cd/m^2; 0 if it is not known.
     pub codes_per_cd_m2: f64,
     /// Bound of the light of all drawn pages, lx.
     pub total_lx: f64,
@@ -161,7 +161,7 @@ pub struct DeepPlan {
     pub cell_px: f64,
 }
 
-/// A part of the sky that some viewports show in the same detail.
+/// A part of the sky that some viewports show with the same detail.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     bucket: u64,
@@ -185,7 +185,7 @@ struct PartPages {
 /// Stars that cannot be replaced by composite stars do not fit into the memory.
 pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     let sky = inputs.sky;
-    // Only pictures of a map are listed with the stars that they lack, since each of them can be drawn again.
+    // The stars that a picture lacks are listed only for pictures of a map, since each of these can be drawn again.
     let lacking = if matches!(inputs.drawn, Drawn::Fainter { .. }) { inputs.viewports.len() } else { 0 };
     let mut plan = DeepPlan {
         faintest_lx: f64::INFINITY,
@@ -331,7 +331,8 @@ pub(in crate::plan) fn layers_from(least_lx: f64) -> usize {
     BRIGHTEST_LX.iter().filter(|lx| **lx >= least_lx).count()
 }
 
-/// Whether stars of leaves are drawn if stars fainter than this, lx, are not. All stars of leaves have a fainter magnitude than the resident ones.
+/// Whether any stars of leaves are drawn if only stars of at least this illuminance, lx, are drawn. All stars of leaves have a fainter magnitude than
+/// the resident ones.
 pub(crate) fn reaches_leaves(faintest_lx: f64) -> bool {
     faintest_lx < illuminance_lx_from_magnitude(RESIDENT_TO_MAGNITUDE)
 }
@@ -347,7 +348,7 @@ fn layers_of(inputs: &DeepInputs<'_>) -> usize {
 
 /// Number of stars of a page, counted from the brightest, that may be drawn.
 fn count_of(inputs: &DeepInputs<'_>, page: &Page) -> u32 {
-    // From the barycentre to the camera, a star's light grows by at most the inverse square of this factor.
+    // A star's light at the camera is at most its light at the barycentre, divided by the square of this factor.
     let kept = 1.0 - inputs.camera_pc.length() * MOST_PARALLAX;
     let count = match inputs.drawn {
         Drawn::Brighter { from_lx } if kept > 0.0 => {
@@ -359,7 +360,7 @@ fn count_of(inputs: &DeepInputs<'_>, page: &Page) -> u32 {
     count as u32
 }
 
-/// The viewports that show a cell of the bucket order, grouped by detail.
+/// Returns the viewports that show a cell of the bucket order, grouped by detail.
 fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part> {
     let (axis, half_angle_rad) = PageKey::Tile { plane: 0, cell: bucket as u32 }.cone();
     let mut parts: Vec<Part> = Vec::new();
@@ -395,7 +396,7 @@ fn leaves_of(inputs: &DeepInputs<'_>, pixel_sr: f64) -> u8 {
 
 /// Whether a viewport may show stars that are within a cone around an axis, as seen from the barycentre.
 fn sees(inputs: &DeepInputs<'_>, field: &Field, axis: DVec3, half_angle_rad: f64) -> bool {
-    // The camera is displaced by this fraction of the distance of the nearest star, and aberration changes directions slightly.
+    // Widen the cone: the camera is displaced by this fraction of the distance of the nearest star, and aberration changes directions slightly.
     let displaced = (inputs.camera_pc + field.eye_pc()).length() * MOST_PARALLAX;
     !inputs.cull.enabled
         || displaced >= 1.0
@@ -470,7 +471,7 @@ impl DeepPlan {
         self.streamed = pages.iter().flat_map(|part| part.pages.iter().copied()).collect();
         self.stars = self.streamed.iter().map(|(key, _)| u64::from(key.stars(inputs.sky.store()))).sum();
         self.total_lx = inputs.sky.total_lx();
-        // Most stars of a layer are within a few magnitudes of its brightest ones.
+        // Most stars of a layer are at most a few magnitudes fainter than its brightest ones.
         let layers = self.streamed.iter().filter_map(|(key, _)| match key {
             PageKey::Leaf { layer, .. } => Some(BRIGHTEST_LX[usize::from(*layer)]),
             PageKey::Tile { .. } => None,
@@ -496,7 +497,7 @@ impl DeepPlan {
             }
             return;
         }
-        // Try coarser pages, down to the base, which is always in memory and also replaces details coarser than itself.
+        // Try coarser pages, down to the base. The base is always in memory; it also replaces pages that would be coarser than the base.
         let mut detail = is_divisible(inputs).then(|| wanted.part.detail.coarser().unwrap_or(Detail::BASE));
         let mut stand_in = None;
         while let Some(coarser) = detail {
@@ -562,7 +563,7 @@ impl DeepPlan {
     }
 }
 
-/// Bound of the error of a part that is drawn with these pages instead of finer ones, lx per pixel.
+/// Bound of the error if a part is drawn with these pages instead of finer ones, lx per pixel.
 fn stand_in_error_lx(part: &Part, pages: &[Option<Arc<Page>>]) -> f64 {
     let cell_px = part.detail.cell_rad() / part.pixel_sr.sqrt();
     pages.iter().flatten().map(|page| most_in_a_pixel_lx(page, cell_px)).fold(0.0, f64::max)
@@ -606,7 +607,7 @@ mod tests {
             Some((-towards.x).atan2(-towards.z))
         };
         assert_eq!(yaw(turning.ahead(&viewports(0.0), after(0))), None, "one frame has no turn");
-        // A turn of 0.01 rad in 50 ms becomes 0.1 rad in half a second.
+        // A turn of 0.01 rad in 50 ms extrapolates to 0.1 rad in half a second.
         let ahead = yaw(turning.ahead(&viewports(0.01), after(50))).unwrap();
         assert!((ahead - 0.11).abs() < 1e-9, "{ahead}");
         assert_eq!(yaw(turning.ahead(&viewports(0.01), after(100))), None, "at rest");

@@ -22,7 +22,7 @@ use crate::{
 /// Maximum search radius, rad.
 pub const MOST_RADIUS_RAD: f64 = 0.2;
 
-/// Widening of the circle for leaves: air and the position of the camera change directions by less than this.
+/// Margin around the circle in which leaves are read: air and the position of the camera change directions by less than this.
 const CIRCLE_MARGIN_RAD: f64 = 1e-3;
 
 /// A star as a camera sees it.
@@ -42,8 +42,8 @@ pub struct SeenStar {
     pub distance_pc: Option<f64>,
 }
 
-/// The brightest `most` stars of at least `faintest_lx` within an angle (rad, at most [`MOST_RADIUS_RAD`]) of a unit direction, in order of
-/// decreasing brightness. Leaves of a deep store are read for it.
+/// Returns the brightest `most` stars of at least `faintest_lx` within an angle (rad, at most [`MOST_RADIUS_RAD`]) of a unit direction, in order of
+/// decreasing brightness. Leaves of a deep store are read if they are needed.
 ///
 /// # Errors
 /// A leaf is damaged or cannot be read.
@@ -152,7 +152,7 @@ mod tests {
                 let found = stars_near(&set, (&camera, None), seen, 1e-4, 0.0, 8).unwrap();
                 // In a close pair, the other star may be the brighter one.
                 let off = |star: &SeenStar| star.position.distance(named.star.position) / place.length();
-                // Of two stars at the same position, the one with the same brightness.
+                // If two stars have the same position, take the one with the same brightness.
                 let apparent = |star: &SeenStar| {
                     let distance_pc = star.distance_pc.unwrap_or(1.0);
                     magnitude_from_illuminance_lx(star.illuminance_lx) - 5.0 * (distance_pc / 10.0).log10()

@@ -1,9 +1,9 @@
 //! Kernels that draw the stars of a viewport, by brightness.
 //!
-//! Flicker is the standard deviation over mean of the displayed light of a star while it moves through a pixel. It depends on the ratio k of the
-//! star's peak to display white. The flicker of the tent grows with k from the start. That of the B-spline stays below 0.0113 up to k = 5 and then
-//! grows to 0.13. That of a Gaussian stays small. `auto` draws each star with the cheapest kernel that keeps the budget. Its Gaussian is defined on
-//! the image plane and gradually replaces the B-spline, so that a brightening star does not jump. `pixel_gaussian` draws all stars with a Gaussian
+//! Flicker is the standard deviation of the displayed light of a star while it moves through a pixel, divided by its mean. It depends on the ratio k
+//! of the star's peak to display white. The flicker of the tent grows with k from the start. That of the B-spline stays below 0.0113 up to k = 5 and
+//! then grows to 0.13. That of a Gaussian stays small. `auto` draws each star with the cheapest kernel that keeps the budget. Its Gaussian is defined
+//! on the image plane and gradually replaces the B-spline, so that a brightening star does not jump. `pixel_gaussian` draws all stars with a Gaussian
 //! that is round in view space.
 
 use std::f64::consts::FRAC_PI_4;
@@ -22,7 +22,7 @@ pub const TENT_FLICKER_PER_PEAK: f64 = 0.142_4;
 /// Flicker of the tent for stars at display white.
 pub const TENT_FLICKER_AT_WHITE: f64 = 0.085;
 
-/// Peak relative to display white, and the greatest flicker of the B-spline up to that peak.
+/// Pairs of a peak relative to display white and the greatest flicker of the B-spline up to that peak.
 pub const BSPLINE_FLICKER: [(f64, f64); 13] = [
     (0.03, 0.0008),
     (0.1, 0.0024),
@@ -46,8 +46,8 @@ pub const GAUSSIAN_FLICKER: f64 = 0.005;
 /// 0.006.
 pub const PLANE_GAUSSIAN_FLICKER: f64 = 0.016;
 
-/// Fraction of the B-spline's range of peaks up to which it is drawn alone. The rest is a margin for the mixture with the Gaussian, which
-/// flickers most just above its beginning.
+/// Fraction of the B-spline's range of peaks in which it is drawn alone. Above this fraction it is mixed with the Gaussian. The rest of the range is
+/// a margin, because the mixture flickers most just above its beginning.
 const BSPLINE_ALONE: f64 = 0.75;
 
 /// Variance of the pixel itself, pixels^2, which integration over pixels adds to that of the Gaussian.
@@ -77,12 +77,12 @@ impl GaussianWidth {
         }
     }
 
-    /// Standard deviation at a position where the longer side of a pixel has that angle, rad.
+    /// Standard deviation at a position where the longer side of a pixel has the given angle, rad.
     pub fn sigma_at_rad(&self, longer_side_rad: f64) -> f64 {
         self.sigma_rad.max(self.sigma_px * longer_side_rad)
     }
 
-    /// Greatest reach of the kernel in a picture, pixels, at most the size of the picture. Sampled along both diagonals and both axes.
+    /// Greatest reach of the kernel in a picture, pixels, at most the size of the picture. It is sampled along both diagonals and both axes.
     pub(crate) fn reach_px(&self, projection: &Projection) -> f64 {
         let mapping = projection.mapping();
         let [width, height] = mapping.size();
@@ -100,7 +100,7 @@ impl GaussianWidth {
                 for eighth in 0..8 {
                     let (sin, cos) = (f64::from(eighth) * FRAC_PI_4).sin_cos();
                     let rim = direction * cut.cos() + (right * cos + up * sin) * cut.sin();
-                    // If the rim of the kernel has no image, use the longer side of the picture.
+                    // If the rim of the kernel is not in the image, use the longer side of the picture.
                     let image = mapping.pixel_from_direction(rim);
                     most = most.max(image.map_or(side, |image| (image - centre).length()));
                 }

@@ -33,7 +33,7 @@ named!(MethodSource {
     AsteroidFieldRendering = "asteroid-field-rendering",
 });
 
-/// Sum of the light of many stars in a pixel.
+/// How the light of many stars in a pixel is summed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Accumulator {
     /// Atomic integer sums: independent of the order.

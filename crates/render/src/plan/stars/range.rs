@@ -1,10 +1,9 @@
 //! Choice of the fixed-point units of a frame.
 //!
-//! Every channel of a pixel has 42 bits. The unit is chosen so that all light of the frame would fit into one pixel: sums
-//! cannot overflow, whatever the scene. The unit is also not finer than the faintest star needs, since light above 2^21 units costs a
-//! second atomic add, which would affect all stars of a scene with few stars of similar brightness. If one or a few stars are more than
-//! 65536 times as bright as all others together (such as the Sun among the stars), they have separate sums with a separate unit, so that
-//! the other stars keep their resolution.
+//! Every channel of a pixel has 42 bits. The unit is chosen so that all light of the frame would fit into one pixel, so sums cannot overflow in any
+//! scene. The unit is also not finer than the faintest star needs: light above 2^21 units costs a second atomic add, and in a scene of few stars of
+//! similar brightness all of them would need it. If one or a few stars are more than 65536 times as bright as all others together (such as the Sun
+//! among the stars), they have separate sums with a separate unit, so that the other stars keep their resolution.
 
 use glam::DVec3;
 
@@ -13,14 +12,14 @@ use crate::{catalogue::chunks::StarSet, plan::costs, relativity::Motion};
 
 /// Bits of a channel's sum.
 pub const CHANNEL_BITS: i32 = 42;
-/// Units of the faintest star, if the range permits: unbiased rounding of each of nine pixels then has an error of 2.1e-4 of
-/// its light (one standard deviation), and less for brighter stars.
+/// Number of units of the faintest star's light, if the range permits. Unbiased rounding in each of nine pixels then has an error of 2.1e-4 of the
+/// star's light (one standard deviation). The error is smaller for brighter stars.
 const STAR_UNITS: f64 = 4096.0;
-/// Units of the least visible light of a pixel that many sources add to, each with unbiased rounding.
+/// Number of units of the least visible light of a pixel to which many sources add, each with unbiased rounding.
 const PIXEL_STEP_UNITS: f64 = 32.0;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
-/// Ratio of a star's light to that of everything fainter together above which the star is summed separately.
+/// A star is summed separately if the ratio of its light to the total of everything fainter exceeds this.
 const OUTSHINES: f64 = 65_536.0;
 /// Number of chunks that are searched for such stars: the brightest ones.
 const SEARCHED_CHUNKS: usize = 16;
@@ -56,8 +55,8 @@ fn units_per_lx(total_lx: f64, needed: f64) -> f64 {
     }
 }
 
-/// Lower bound of the illuminance of the faintest star of the visible chunks, lx. Distance from the barycentre reduces the light of a star at
-/// most by the factor of the nearest star of its chunk.
+/// Lower bound of the illuminance of the faintest star of the visible chunks, lx. The distance of the camera from the barycentre reduces the light of
+/// a star at most by the factor that applies to the nearest star of its chunk.
 fn faintest_star_lx(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3]) -> f64 {
     let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
     let seen_lx = set.faintest_seen_lx();
@@ -75,7 +74,7 @@ fn faintest_star_lx(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3]) 
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Illuminance of one of the brightest stars: at the eye nearest to it, and at every eye, lx.
+/// Illuminance of one of the brightest stars, lx: the greatest of all eyes, and that at every eye.
 struct Light {
     most_lx: f64,
     per_eye_lx: Vec<f64>,
@@ -118,7 +117,7 @@ pub fn choose(
         .chain(other.points_lx.iter().map(|per_eye_lx| most(per_eye_lx)))
         .sum::<f64>()
         + other.crowd_lx;
-    // Motion changes the light of every star by a different factor, so for a moving camera only the range determines the unit.
+    // For a moving camera only the range determines the unit, because motion changes the light of every star by a different factor.
     let faintest_star_lx = match motion {
         Some(_) => 0.0,
         None if other.many > 0 => faintest_star_lx(set, visible, eyes_pc).min(other.faintest_lx).max(faintest_lx),

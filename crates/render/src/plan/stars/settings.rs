@@ -9,8 +9,7 @@ use super::method::StarMethod;
 use crate::memory_size::MemorySize;
 use crate::photometry::psf::{self, Aperture, DIAMETERS_MM, Optics, Psf, PsfError, WHITE_K};
 
-/// Range of `magnitude_limit` and of the magnitudes of the methods: beyond it, an illuminance is outside the planner's
-/// numerical range.
+/// Range of `magnitude_limit` and of the magnitudes of the methods. An illuminance beyond it is outside the planner's numerical range.
 pub const MAGNITUDES: [f64; 2] = [-100.0, 100.0];
 
 /// How stars are drawn.
@@ -133,7 +132,7 @@ impl Default for BillboardSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GaussianPsfSettings {
-    /// Limiting magnitude: that of the faintest visible stars.
+    /// Limiting magnitude: the magnitude of the faintest visible stars.
     #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub limiting_magnitude: f64,
     /// Magnitude at which the centre of a star reaches display white; brighter (smaller) than `limiting_magnitude`.
@@ -195,7 +194,7 @@ pub struct PsfTextureSettings {
     pub file: Option<PathBuf>,
     /// Aperture of the computed function; `curved_blades` has six blades.
     pub aperture: String,
-    /// Diameter of the circumscribed circle of the aperture. The wider the texture, the smaller it must be.
+    /// Diameter of the circumscribed circle of the aperture. The wider the texture, the smaller the aperture must be.
     #[schemars(range(min = *DIAMETERS_MM.start(), max = *DIAMETERS_MM.end()), extend("x-unit" = "mm"))]
     pub diameter_mm: f64,
     // `photometry::psf::MAX_WIDTH_RAD` as a round number.

@@ -86,8 +86,8 @@ impl Stars {
         visible
     }
 
-    /// Selects the pages of the scene's deep store, and requests those that turning views will need next. Returns false if the map of faint light
-    /// that the frame would read is not worth its cost.
+    /// Selects the pages of the scene's deep store, and requests those that turning views will need next. Returns false if the frame would read a map
+    /// of faint light that is not worth its cost.
     fn select_deep(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<bool, PlanError> {
         let Some(sky) = inputs.scene.stars.deep.as_ref() else { return Ok(true) };
         let start = Instant::now();
@@ -186,7 +186,7 @@ impl Stars {
     fn plan_light(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
         let PlanInputs { settings, methods, scene, limits, .. } = *inputs;
         let is_selected = match self.select_deep(inputs, plan) {
-            // The stars that are not in the map do not fit into memory. Composite stars may fit.
+            // The stars that are not in the map do not fit into memory: draw without the map, since composite stars may fit.
             Err(PlanError::DeepMemory { .. }) if plan.smooth_light.map.is_some() => false,
             selected => selected?,
         };

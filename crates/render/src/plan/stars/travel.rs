@@ -1,8 +1,8 @@
 //! Effect of motion on the light of stars: bounds per chunk, and the light of single stars.
 //!
-//! The factor on a star's light depends on its temperature and its Doppler factor only (`crate::relativity`). Stars
-//! have 2048 temperatures in geometric progression, so a Doppler factor is a number of steps, and one table of the
-//! logarithm of luminance over steps is sufficient for every speed. The shader reads the same table.
+//! The factor on a star's light depends on its temperature and its Doppler factor only (`crate::relativity`). The 2048 possible temperatures of stars
+//! are a geometric progression, so a Doppler factor corresponds to a number of steps. One table, the logarithm of luminance by step, is therefore
+//! sufficient for every speed. The shader reads the same table.
 
 use std::sync::LazyLock;
 
@@ -32,7 +32,7 @@ pub fn steps_per_e_fold() -> f64 {
     f64::from(TEMPERATURE_STEPS - 1) / (MAX_TEMPERATURE_K / MIN_TEMPERATURE_K).ln()
 }
 
-/// Temperature in kelvin of a step, which may have a fraction; the first step is -[`SHIFTED_STEPS`].
+/// Temperature of a step, K. The step may be fractional; the first step is -[`SHIFTED_STEPS`].
 pub fn temperature_of_shifted_step_k(step: f64) -> f64 {
     MIN_TEMPERATURE_K * (step / steps_per_e_fold()).exp()
 }
@@ -96,8 +96,8 @@ pub fn light_factor(step: u32, doppler: f64) -> f64 {
 
 /// The greatest factor for stars between two temperature steps and two Doppler factors.
 pub fn greatest_factor(steps: [u32; 2], dopplers: [f64; 2]) -> f64 {
-    // For a Doppler factor above 1 the coolest star gains most light; below 1 the hottest star loses least. For both, light increases with the
-    // Doppler factor up to the turning point and decreases beyond it.
+    // For a Doppler factor above 1 the coolest star gains the most light; below 1 the hottest star loses the least. In both cases, light increases
+    // with the Doppler factor up to the turning point and decreases beyond it.
     let greatest_at = |step: u32| {
         let turning = ((TABLE.turning - f64::from(step)) / steps_per_e_fold()).exp();
         [dopplers[0], dopplers[1], turning.clamp(dopplers[0], dopplers[1])]
@@ -134,8 +134,8 @@ pub fn boost(spectrum: &Spectrum, brightest_lx: f64, dopplers: [f64; 2]) -> Boos
     bound
 }
 
-/// Greatest error of a star's light from the discrete temperatures: relative to the light for the moving camera
-/// or at rest, whichever is greater. For the coolest and the hottest star of the scene, in any direction.
+/// Greatest error of a star's light that the discrete temperatures cause, relative to the light for the moving camera or for one at rest, whichever
+/// is greater. It is computed for the coolest and the hottest star of the scene and all directions.
 pub fn temperature_step_error(steps: [u32; 2], motion: &Motion) -> f64 {
     let half_step = 0.5 / steps_per_e_fold();
     let mut worst = 0.0_f64;
@@ -143,7 +143,7 @@ pub fn temperature_step_error(steps: [u32; 2], motion: &Motion) -> f64 {
         for index in 0..=200 {
             let doppler = doppler_factor(motion.beta.min(MAX_SPEED_C), -1.0 + f64::from(index) / 100.0);
             let factor = light_factor(step, doppler);
-            // Derivative of ln of the factor by ln T.
+            // Derivative of ln(factor) with respect to ln T.
             let slope =
                 |step: f64| (ln_luminance_at(step + 1.0) - ln_luminance_at(step - 1.0)) / 2.0 * steps_per_e_fold();
             let shifted = f64::from(step) + doppler.ln() * steps_per_e_fold();
@@ -179,7 +179,7 @@ pub fn certificate(
             "relative to the greater of its light for a moving camera and for one at rest",
             None,
         ),
-        // Directions behind the camera, and their errors, are spread by the inverse of the Doppler factor.
+        // Differences between directions behind the camera, including errors, are multiplied by the inverse of the Doppler factor.
         Approximation::new(
             "a star's direction for a moving camera, in f32",
             1e-6 / motion.doppler_behind(),

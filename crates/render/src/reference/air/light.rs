@@ -6,8 +6,8 @@ use glam::{DQuat, DVec2, DVec3};
 
 use crate::{scene::surroundings::LocalSky, view::projection::PlaneMapping};
 
-/// Luminance of a pixel whose bodies have the mean luminance `shown_cd_m2` without air, linear Rec. 709, cd/m^2; `None`
-/// outside of the picture.
+/// Returns the luminance of a pixel whose bodies have the mean luminance `shown_cd_m2` without air, linear Rec. 709, cd/m^2; `None` outside of the
+/// picture.
 pub fn pixel(
     sky: &LocalSky,
     mapping: &dyn PlaneMapping,

@@ -6,7 +6,7 @@
 //! albedo interpolated between the vertices as on the GPU. There are no shadows between asteroids and no second
 //! reflections; the eye is at rest.
 //!
-//! The instances that a pixel may show are found with its cone and the tree of each field, first for tiles of pixels.
+//! The instances that a pixel may show are found by testing its cone against the tree of each field. This is first done for tiles of pixels.
 
 use std::f64::consts::PI;
 
@@ -22,8 +22,8 @@ use crate::{
 /// Pixels along a side of the tiles that share a list of instances.
 const TILE: u32 = 8;
 
-/// Luminance of a surface under an illuminance of 1 lx, cd/m^2, from the albedo factor at the point, and the cosines of
-/// the angles of the light and of the eye to the normal, both above 0.
+/// Returns the luminance of a surface under an illuminance of 1 lx, cd/m^2. The arguments are the albedo factor at the point, and the cosines of the
+/// angles between the normal and the directions to the light and to the eye. Both cosines are above 0.
 pub type Shade<'a> = &'a (dyn Fn(f64, f64, f64) -> f64 + Sync);
 
 /// A field at a moment, lit by a sun.
@@ -55,7 +55,7 @@ pub struct MeshSampling {
 pub struct MeshPixel {
     /// Fraction of the pixel that asteroids cover, 0 to 1.
     pub coverage: f64,
-    /// Mean luminance over the pixel, with a black background; in cd/m^2 if the shade is in cd/m^2.
+    /// Mean luminance over the pixel, with a black background. It is in cd/m^2 if the shading function returns cd/m^2.
     pub luminance: f64,
     /// Mean of the visible normals, unit, world axes; 0 if there are none.
     pub normal: DVec3,
@@ -114,7 +114,7 @@ struct Cone {
 }
 
 impl Cone {
-    /// The cone around directions, with a small margin.
+    /// Returns the cone around directions, with a small margin.
     fn around(directions: &[DVec3]) -> Option<Self> {
         let sum: DVec3 = directions.iter().sum();
         let axis = sum.try_normalize().or(directions.first().copied())?;
@@ -177,7 +177,7 @@ pub fn render_meshes(
     MeshImage { size, pixels: rows.concat() }
 }
 
-/// Unit directions through the centres of a pixel's squares, world axes; empty outside of the picture.
+/// Returns the unit directions through the centres of a pixel's squares, world axes; none outside of the picture.
 fn rays_of(mapping: &dyn PlaneMapping, (x, y): (u32, u32), per_side: u32, world_from_view: DMat3) -> Vec<DVec3> {
     if !mapping.contains(x, y) {
         return Vec::new();
@@ -244,7 +244,7 @@ impl<'a> FieldView<'a> {
         }
     }
 
-    /// The instances whose bounding spheres intersect a cone.
+    /// Returns the instances whose bounding spheres intersect a cone.
     fn within(&self, field: usize, cone: &Cone) -> Vec<Candidate> {
         let instances = &self.lit.field.instances;
         let cone = Cone { axis: self.world_from_field.transpose() * cone.axis, ..*cone };
@@ -277,7 +277,7 @@ impl<'a> FieldView<'a> {
         found
     }
 
-    /// The intersection of a ray with an instance, as a pixel that the instance covers.
+    /// Returns the intersection of a ray with an instance, as a pixel that the instance covers.
     fn meet(&self, candidate: &Candidate, ray: DVec3) -> Option<MeshPixel> {
         let instances = &self.lit.field.instances;
         let packed = &instances.packed[candidate.instance];
@@ -309,17 +309,17 @@ impl<'a> FieldView<'a> {
     }
 }
 
-/// Solid angle of all asteroids in a picture, sr: coverage times the solid angle of each pixel.
+/// Returns the solid angle of all asteroids in a picture, sr: coverage times the solid angle of each pixel.
 pub fn covered_solid_angle_sr(image: &MeshImage, mapping: &dyn PlaneMapping) -> f64 {
     let width = image.size[0] as usize;
     let shares = image.pixels.iter().enumerate().filter(|(_, pixel)| pixel.coverage > 0.0);
     shares.map(|(k, pixel)| pixel.coverage * mapping.solid_angle_sr((k % width) as u32, (k / width) as u32)).sum()
 }
 
-/// Solid angle of a sphere of `radius_m` at `distance_m`, sr.
+/// Returns the solid angle of a sphere of `radius_m` at `distance_m`, sr.
 pub fn sphere_solid_angle_sr(radius_m: f64, distance_m: f64) -> f64 {
     let sine = radius_m / distance_m;
-    // 1 - sqrt(1 - s^2) without cancellation.
+    // This is 1 - sqrt(1 - s^2) without cancellation.
     2.0 * PI * sine * sine / (1.0 + (1.0 - sine * sine).sqrt())
 }
 

@@ -1,10 +1,9 @@
 //! Bodies in f64, ray by ray: every pixel is divided into n x n parts, and a ray through the centre of each is
 //! intersected with the nearest body.
 //!
-//! A part is weighted by its solid angle, computed from the directions of the midpoints of its sides, so that pixels at
-//! a pole or far off the axis are also correct. Parts beyond the rim of a round picture are left out. The luminance of
-//! a pixel is the mean over its solid angle of the luminance along its rays, with 0 where they hit no body: the stars
-//! and the sky behind must be added with weight 1 - coverage.
+//! A part is weighted by its solid angle, computed from the directions of the midpoints of its sides, so that pixels at a pole or far off the axis
+//! are also correct. Parts beyond the rim of a round picture are left out. The luminance of a pixel is the mean over its solid angle of the luminance
+//! along its rays, with 0 where they hit no body: the caller must add the stars and the sky behind them with the weight 1 - coverage.
 //!
 //! The eye is at rest. Luminance in cd/m^2 as linear Rec. 709.
 
@@ -34,7 +33,7 @@ pub struct BodyImage {
 }
 
 impl BodyImage {
-    /// Illuminance of all pixels together, lx: the sum of luminance times solid angle.
+    /// Returns the illuminance of all pixels together, lx: the sum of luminance times solid angle.
     pub fn illuminance_lx(&self, mapping: &dyn PlaneMapping) -> [f64; 3] {
         let width = self.size[0];
         let mut sum = [0.0; 3];
@@ -45,7 +44,7 @@ impl BodyImage {
         sum
     }
 
-    /// Solid angle that bodies cover in the picture, sr.
+    /// Returns the solid angle that bodies cover in the picture, sr.
     pub fn covered_sr(&self, mapping: &dyn PlaneMapping) -> f64 {
         let width = self.size[0];
         let part = |(index, coverage): (usize, &f64)| {
@@ -146,8 +145,8 @@ fn pixel(
     if all > 0.0 { (luminance.map(|channel| channel / all), covered / all) } else { ([0.0; 3], 0.0) }
 }
 
-/// Solid angle of the part of the plane within `half` of `at` along both axes, sr, accurate to second order. Sides
-/// beyond the picture's rim are replaced by the centre.
+/// Returns the solid angle of the part of the plane within `half` of `at` along both axes, sr, accurate to second order. Sides beyond the picture's
+/// rim are replaced by the centre.
 fn part_sr(mapping: &dyn PlaneMapping, place: DVec2, half: f64) -> f64 {
     let across = |axis: DVec2| {
         let end = |sign: f64| mapping.direction_from_pixel(place + axis * (sign * half));
@@ -161,7 +160,7 @@ fn part_sr(mapping: &dyn PlaneMapping, place: DVec2, half: f64) -> f64 {
     across(DVec2::X).cross(across(DVec2::Y)).length()
 }
 
-/// Luminance of the nearest body along a direction in world axes.
+/// Returns the luminance of the nearest body along a direction in world axes.
 fn nearest(targets: &[Target<'_>], direction: DVec3) -> Option<[f64; 3]> {
     let may_meet = targets.iter().filter(|target| target.axis.dot(direction) >= target.least_cos);
     let hits = may_meet.filter_map(|target| Some((target, target.seen.hit(direction)?)));

@@ -11,8 +11,8 @@ use crate::{
     scene::surroundings::LocalSky,
 };
 
-/// Luminance in a direction for an observer with a velocity (in units of the speed of light, world axes), linear Rec.
-/// 709, cd/m^2; through the local air, if there is any.
+/// Returns the luminance in a direction, linear Rec. 709, cd/m^2, for an observer with a velocity in units of the speed of light, world axes. If
+/// there is local air, the light has passed through it.
 pub fn luminance_cd_m2(sky: &DiffuseSky, seen: DVec3, velocity_c: DVec3, local: Option<&LocalSky>) -> [f64; 3] {
     let seen = seen.normalize();
     let beta = velocity_c.length();
@@ -32,8 +32,8 @@ pub fn luminance_cd_m2(sky: &DiffuseSky, seen: DVec3, velocity_c: DVec3, local: 
     [0, 1, 2].map(|c| luminance[c] * shifted[c] * through[c])
 }
 
-/// Luminance of the zodiacal light in a direction, world axes, linear Rec. 709, cd/m^2; through the local air, if there
-/// is any.
+/// Returns the luminance of the zodiacal light in a direction, world axes, linear Rec. 709, cd/m^2. If there is local air, the light has passed
+/// through it.
 pub fn zodiacal_cd_m2(light: &ZodiacalLight, seen: DVec3, local: Option<&LocalSky>) -> [f64; 3] {
     let seen = seen.normalize();
     let luminance = light.luminance_cd_m2(local.map_or(seen, |local| local.arriving(seen)));

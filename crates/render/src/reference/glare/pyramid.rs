@@ -1,5 +1,5 @@
-//! The published glare pyramids in f64: the twin of the shaders in `shaders/glare/pyramid/`. It does not round, so
-//! comparing the two shows the cost of half floats.
+//! The published glare pyramids in f64: the twin of the shaders in `shaders/glare/pyramid/`. It does not round, so a comparison of the two shows the
+//! error of half floats.
 //!
 //! The published behaviour is kept unchanged: luminance is blurred, not illuminance; sources outside of the picture
 //! contribute nothing; beyond the picture its border pixels are repeated; round pictures are surrounded by black; flat
@@ -32,20 +32,19 @@ impl Level {
         Self { size, texels }
     }
 
-    /// The position of a texel's centre.
+    /// Returns the position of a texel's centre.
     fn place(size: [u32; 2], x: u32, y: u32) -> DVec2 {
         pixel_centre(x, y) / sides(size)
     }
 
-    /// A texel; beyond the border, the nearest one on it.
+    /// Returns a texel; outside the level, the nearest one on its border.
     fn texel(&self, x: f64, y: f64) -> DVec3 {
         let last = sides(self.size) - 1.0;
         let (x, y) = (x.clamp(0.0, last.x) as usize, y.clamp(0.0, last.y) as usize);
         self.texels[y * self.size[0] as usize + x]
     }
 
-    /// Sum over 4 x 4 texels around a position, with a product of weights; `of_part` returns the four weights of an
-    /// axis.
+    /// Sums 4 x 4 texels around a position, weighted with the product of one weight per axis; `of_part` returns the four weights of an axis.
     fn lookup(&self, place: DVec2, weights_for: impl Fn(f64) -> [f64; 4]) -> DVec3 {
         let texel_place = place * sides(self.size) - 0.5;
         let (first, part) = (texel_place.floor(), texel_place - texel_place.floor());
@@ -66,7 +65,7 @@ impl Level {
         self.lookup(place, |t| [0.0, 1.0 - t, t, 0.0])
     }
 
-    /// The cubic B-spline with the texels as coefficients.
+    /// Returns the cubic B-spline with the texels as coefficients.
     fn cubic(&self, place: DVec2) -> DVec3 {
         let outer = |t: f64| t * t * t / 6.0;
         let inner = |t: f64| (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0;
@@ -78,28 +77,27 @@ fn sides([width, height]: [u32; 2]) -> DVec2 {
     DVec2::new(f64::from(width), f64::from(height))
 }
 
-/// Great circles through a direction along which it is blurred, given by their unit tangents.
+/// Returns the unit tangents of the great circles through a direction along which it is blurred.
 fn tangents(d: DVec3) -> [DVec3; 2] {
     // A rotation about +x goes up or down.
     let upwards = DVec3::X.cross(d);
     let outwards = DVec3::Z - d * d.z;
     let radial = if d.y < 0.0 { -outwards } else { outwards };
-    // The published mixture of both: radial from 30 degrees above and below the centre.
+    // The published mixture of the two: it is entirely radial more than 30 degrees above or below the centre.
     let mixed = upwards.lerp(radial, (2.0 * d.y.abs()).min(1.0));
     let first = if mixed.length_squared() > 1e-12 { mixed.normalize() } else { DVec3::Y };
     [first, first.cross(d)]
 }
 
-/// The image of a tap relative to the sides, if it has one.
+/// Returns the image of a tap relative to the sides, if it has one.
 fn image_of(projection: &Projection, covered: DVec2, direction: DVec3) -> Option<DVec2> {
     let flat = matches!(projection, Projection::Perspective(_) | Projection::CubeFace(_));
     let direction = if flat && direction.z > 0.0 { -direction } else { direction };
     projection.mapping().pixel_from_direction(direction).map(|pixel| pixel / covered)
 }
 
-/// Light scattered towards every pixel, cd/m^2, row by row from the top: `light` spread over the picture, black where
-/// the picture has no pixel. `light` has one value per pixel of the picture; those outside of a round picture are
-/// treated as black.
+/// Returns the light scattered towards every pixel, cd/m^2, row by row from the top: `light`, spread over the picture. Places without a pixel are
+/// black. `light` has one value per pixel of the picture; those outside of a round picture are treated as black.
 pub fn scattered(
     projection: &Projection,
     light: &[[f64; 3]],
@@ -109,7 +107,7 @@ pub fn scattered(
     let mapping = projection.mapping();
     let [width, height] = mapping.size();
     let plan = PyramidPlan::new(mapping.size());
-    // Each texel of level 0 covers 2 x 2 pixels, extending beyond the picture if a side is odd.
+    // Each texel of level 0 covers 2 x 2 pixels. If a side is odd, the last texels extend beyond the picture.
     let covered = 2.0 * sides(plan.sizes[0]);
     let pixel = |x: u32, y: u32| {
         let (x, y) = (x.min(width - 1), y.min(height - 1));

@@ -1,4 +1,4 @@
-//! Ground truth of glare: a convolution on the sphere in f64, of every source with every requested pixel.
+//! Ground truth of glare: a convolution on the sphere in f64, which adds every source to every requested pixel.
 //!
 //! A source of illuminance E at an angle t causes the luminance `fraction` E k(t). For a pixel, the mean over the pixel
 //! is computed: the kernel at its centre if the pixel is small compared with its distance from the source; otherwise
@@ -22,10 +22,10 @@ use crate::{
     view::projection::{PlaneMapping, pixel_centre},
 };
 
-/// Ratio of a pixel's radius to its distance from a source below which the centre represents the pixel: for the inverse
-/// cube of the angle, the steepest kernel, the mean is 7e-5 higher.
+/// Largest ratio of a pixel's radius to its distance from a source at which its centre represents the pixel. With the steepest kernel, the inverse
+/// cube of the angle, the mean over such a pixel is 7e-5 higher than the value at its centre.
 const SMALL: f64 = 0.01;
-/// The same ratio for a square: below it, quadrature with 5 x 5 points is accurate.
+/// The same ratio for a square: quadrature with 5 x 5 points is accurate up to it.
 const SMOOTH: f64 = 0.25;
 /// Radius of the squares that the rim of the plateau crosses, in units of the inner angle.
 const AT_RIM: f64 = 0.05;
@@ -42,12 +42,12 @@ pub struct Veil<'a> {
 }
 
 impl Veil<'_> {
-    /// Luminance scattered towards a unit direction in view space, linear Rec. 709, cd/m^2.
+    /// Returns the luminance scattered towards a unit direction in view space, linear Rec. 709, cd/m^2.
     pub fn towards(&self, direction: DVec3) -> [f64; 3] {
         self.sum(|source| self.kernel.per_sr(separation_rad(source, direction)))
     }
 
-    /// Mean over a pixel of the luminance scattered towards it, linear Rec. 709, cd/m^2; `None` outside of the picture.
+    /// Returns the mean over a pixel of the luminance scattered towards it, linear Rec. 709, cd/m^2; `None` outside of the picture.
     pub fn over_pixel(&self, mapping: &dyn PlaneMapping, [x, y]: [u32; 2]) -> Option<[f64; 3]> {
         let pixel = Pixel::new(mapping, x, y)?;
         Some(self.sum(|source| self.mean_over(&pixel, source)))
@@ -76,7 +76,7 @@ impl Veil<'_> {
         if area > 0.0 { light / area } else { self.kernel.per_sr(distance) }
     }
 
-    /// Integral of the kernel over a square of the pixel, and the square's solid angle, sr.
+    /// Returns the integral of the kernel over a square of the pixel, and the square's solid angle, sr.
     fn integrate(&self, pixel: &Pixel<'_>, source: DVec3, from: DVec2, side: f64) -> (f64, f64) {
         // Mappings are curved: a point half a pixel away may be farther than half of the radius.
         let radius = 1.5 * pixel.radius_rad * side;
@@ -102,13 +102,13 @@ impl Veil<'_> {
     }
 }
 
-/// A uniform disc of light around a unit direction: `count` points of equal light on equal areas of the cap with this
-/// angular radius (at most pi, rad), with `rgb_lx` in total. Empty for a count of 0.
+/// Returns a uniform disc of light around a unit direction, as `count` points of equal light. Each represents an equal area of the cap with this
+/// angular radius (at most pi, rad). Their total light is `rgb_lx`.
 pub fn disc_sources(direction: DVec3, radius_rad: f64, rgb_lx: [f64; 3], count: u32) -> Vec<SkyStar> {
     let (right, up) = direction.any_orthonormal_pair();
     let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let place = |i: u32| {
-        // The square of the sine of half the angle is proportional to the area of the cap, without cancellation.
+        // The square of the sine of half the angle is proportional to the area of the cap. In this form nothing cancels.
         let half_sine = (0.5 * radius_rad).sin() * ((f64::from(i) + 0.5) / f64::from(count)).sqrt();
         let (sine, cosine) =
             (2.0 * half_sine * (1.0 - half_sine * half_sine).sqrt(), 1.0 - 2.0 * half_sine * half_sine);
@@ -119,8 +119,8 @@ pub fn disc_sources(direction: DVec3, radius_rad: f64, rgb_lx: [f64; 3], count: 
     (0..count).map(|i| SkyStar { direction: place(i).normalize(), rgb_lx }).collect()
 }
 
-/// Distinct pixels spread evenly over a picture, deterministic: `count` of them, or as many as there are. Excludes
-/// pixels outside of the picture, and those whose centres lie within an angle (rad) of a unit direction in `near`.
+/// Returns `count` different pixels that are spread evenly over a picture, or all of them if the picture has fewer. The result is always the same. It
+/// excludes pixels outside of the picture, and those whose centres lie within an angle (rad) of a unit direction in `near`.
 pub fn sampled_pixels(mapping: &dyn PlaneMapping, count: usize, near: &[(DVec3, f64)]) -> Vec<[u32; 2]> {
     // Steps of the two-dimensional counterpart of the golden section (M. Roberts, "The Unreasonable Effectiveness of
     // Quasirandom Sequences", 2018): powers of the inverse of the root of x^3 = x + 1.
@@ -186,7 +186,7 @@ mod tests {
         let cie = Normalised::new(Cie::new(0.1_f64.to_radians(), 35.0, EyeColour::Brown)).unwrap();
         let square = kernel(0.1);
         let kernels: [&dyn GlareKernel; 2] = [&square, &cie];
-        // Inside a pixel, at a corner of pixels, at a pole.
+        // Three positions: inside a pixel, at a corner of pixels, and at a pole.
         for direction in [DVec3::new(0.3, 0.2, -1.0), DVec3::NEG_Z, DVec3::Y] {
             let source = [star(direction)];
             for kernel in kernels {
@@ -263,7 +263,7 @@ mod tests {
         let disc = disc_sources(direction, radius, [3.0; 3], 2000);
         let (sum, middle) = disc.iter().fold((0.0, DVec3::ZERO), |(sum, m), s| (sum + s.rgb_lx[0], m + s.direction));
         assert!((sum - 3.0).abs() < 1e-12 && separation_rad(middle.normalize(), direction) < 0.01 * radius);
-        // Half of the light lies within the radius of half of the area.
+        // Half of the light lies within the radius that contains half of the area.
         let within = disc.iter().filter(|s| separation_rad(s.direction, direction) < radius * 0.5_f64.sqrt()).count();
         assert!(within.abs_diff(1000) <= 1 && disc.iter().all(|s| separation_rad(s.direction, direction) <= radius));
 
@@ -281,7 +281,7 @@ mod tests {
         assert!((ratio(1.0) - (1.0 + 0.5 * 0.0625)).abs() < 0.01, "{}", ratio(1.0));
         assert!(ratio(0.0) < 0.3);
         assert!(disc_sources(direction, radius, [1.0; 3], 0).is_empty());
-        // Points over a whole sphere are balanced in all directions.
+        // The points cover the whole sphere, so their directions cancel.
         let sphere = disc_sources(direction, PI, [1.0; 3], 4000);
         assert!(sphere.iter().map(|s| s.direction).sum::<DVec3>().length() < 2.0);
     }

@@ -1,4 +1,4 @@
-//! The twin of the overlay pass: it iterates over the items of a plan instead of pixels, and does not use blocks.
+//! The twin of the overlay pass: it iterates over the items of a plan instead of over pixels, and does not use blocks.
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ pub struct OverlayTarget<'a> {
     pub size: [u32; 2],
     /// Red, green, blue and alpha of each pixel, row by row from the top: sRGB codes.
     pub codes: &'a mut [u8],
-    /// Whether a pixel belongs to the picture: nothing is drawn outside of a round one.
+    /// Whether a pixel belongs to the picture. Nothing is drawn outside of a round picture.
     pub contains: &'a dyn Fn(u32, u32) -> bool,
     /// Direction of the centre of a pixel, view axes; `None` outside of the picture.
     pub direction: &'a dyn Fn(u32, u32) -> Option<DVec3>,
@@ -33,8 +33,7 @@ pub struct OverlayTarget<'a> {
     pub cover: &'a dyn Fn(u32, u32) -> Option<Cover>,
 }
 
-/// Fraction of a pixel covered by a line with round ends: `half_width_px + 0.5` minus the distance of the pixel's
-/// centre.
+/// Returns the fraction of a pixel covered by a line with round ends: `half_width_px + 0.5` minus the distance of the pixel's centre.
 pub fn line_coverage(centre: DVec2, from: DVec2, to: DVec2, half_width_px: f64) -> f64 {
     let along = to - from;
     let length_squared = along.length_squared();
@@ -42,7 +41,7 @@ pub fn line_coverage(centre: DVec2, from: DVec2, to: DVec2, half_width_px: f64) 
     (half_width_px + 0.5 - centre.distance(from + along * part)).clamp(0.0, 1.0)
 }
 
-/// Pixels that a shape may cover: first column and row, and those after the last.
+/// Returns the pixels that a shape may cover: first column and row, and those after the last.
 fn bounds(shape: &Shape, size: [u32; 2]) -> [[u32; 2]; 2] {
     let (least, most) = match *shape {
         Shape::Line { from, to, half_width_px, .. } => {
@@ -64,7 +63,7 @@ fn bounds(shape: &Shape, size: [u32; 2]) -> [[u32; 2]; 2] {
     ]
 }
 
-/// Coverage of a pixel by a shape, and the inverse of the distance of the covering point.
+/// Returns the coverage of a pixel by a shape, and the inverse of the distance of the covering point.
 fn coverage(shape: &Shape, texels: &[u8], x: u32, y: u32) -> (f64, f64) {
     match *shape {
         Shape::Line { from, to, half_width_px, nearness } => {
@@ -86,7 +85,7 @@ fn coverage(shape: &Shape, texels: &[u8], x: u32, y: u32) -> (f64, f64) {
     }
 }
 
-/// A picture in a direction, view axes: linear light and alpha.
+/// Returns the linear light and alpha of a picture in a direction, view axes.
 fn picture_in(texels: &[u8], header: u32, direction: DVec3) -> Option<([f64; 3], f64)> {
     let word = |index: u32| -> [u8; 4] { std::array::from_fn(|byte| texels[4 * index as usize + byte]) };
     let number = |index: u32| f64::from(f32::from_le_bytes(word(header + index)));
@@ -115,7 +114,7 @@ fn picture_in(texels: &[u8], header: u32, direction: DVec3) -> Option<([f64; 3],
 
 /// Draws items in order.
 pub fn draw(target: &mut OverlayTarget<'_>, items: &[Item], texels: &[u8]) {
-    // Linear light of the touched pixels: rounded only once, at the end.
+    // Linear light of the touched pixels. It is rounded only once, at the end.
     let mut lights: BTreeMap<(u32, u32), [f64; 3]> = BTreeMap::new();
     let [width, _] = target.size;
     let index_of = |(x, y): (u32, u32)| 4 * (y as usize * width as usize + x as usize);

@@ -1,5 +1,5 @@
-//! Stars of a deep store for chosen pixels: every star of the leaves around them. For other parts of the sky, the composite stars that are always in
-//! memory scatter the light.
+//! Stars of a deep store for chosen pixels. Around the pixels every star of the leaves is used. In other parts of the sky, the composite stars that
+//! are always in memory represent the stars that scatter light.
 
 use std::ops::Range;
 
@@ -25,23 +25,23 @@ use crate::{
 
 /// Number of parts into which the cells are distributed.
 const PARTS: u64 = 64;
-/// Distance from all chosen pixels beyond which composite stars scatter the light of their stars: their cells have a radius of half a degree, and
-/// [`super::veil_tree`] would not divide cells of this size at this distance either.
+/// Distance from all chosen pixels beyond which the light of composite stars is scattered instead of that of their stars. The cells of composite
+/// stars have a radius of half a degree, and [`super::veil_tree`] would not divide cells of this size at this distance either.
 const FAR_RAD: f64 = 0.18;
 /// Width of the cells of the composite stars that are always in memory, rad.
 const CELL_RAD: f64 = 0.008;
 
-/// Directions of the chosen pixels of images.
+/// Returns the directions of the chosen pixels of images.
 fn directions(images: &[SampledImage<'_>]) -> Vec<DVec3> {
     images.iter().flat_map(|image| image.pixels.iter().filter_map(|pixel| world_direction(image, *pixel))).collect()
 }
 
-/// Axis and half-angle in rad of a cone around a cell of the bucket order.
+/// Returns the axis and half-angle in rad of a cone around a cell of the bucket order.
 fn cone_of(bucket: u64) -> (DVec3, f64) {
     PageKey::Tile { plane: BASE_PLANE, cell: bucket as u32 }.cone()
 }
 
-/// Whether the leaves of a cell of the bucket order are read: those around a chosen pixel, or those of all cells if some of their stars are too faint
+/// Whether the leaves of a cell of the bucket order are read: the cells around chosen pixels, or all cells if some stars of the leaves are too faint
 /// to be drawn.
 fn is_read(bucket: u64, directions: &[DVec3], faintest_lx: f64) -> bool {
     if faintest_lx > illuminance_lx_from_magnitude(WHOLE_FROM_MAGNITUDE) {
@@ -60,7 +60,7 @@ fn leaves_of(order: u8, cell: u64) -> impl Iterator<Item = (usize, u64)> {
     })
 }
 
-/// Number of stars that [`super::pixels`] reads from leaves for these images, if stars fainter than `faintest_lx` are not drawn.
+/// Returns the number of stars that [`super::pixels`] reads from leaves for these images, if stars fainter than `faintest_lx` are not drawn.
 pub fn stars_to_read(deep: &DeepSky, faintest_lx: f64, images: &[SampledImage<'_>]) -> u64 {
     if !reaches_leaves(faintest_lx) {
         return 0;
@@ -102,7 +102,8 @@ impl Painter<'_> {
                 for cell in bucket << (2 * (order - BUCKET_ORDER))..(bucket + 1) << (2 * (order - BUCKET_ORDER)) {
                     let stars = self.stars_of_cell(deep, order, cell)?;
                     self.spread_all(&stars, kernels_of, &mut sums);
-                    // The frame scatters the light of these stars from composite stars, and thus not from the position of a star next to the pixel.
+                    // The frame scatters the light of these stars from their composite stars. Their position differs from that of a star next to the
+                    // pixel.
                     let (axis, half_angle_rad) = PageKey::Leaf { layer: 0, cell: cell as u32 }.cone();
                     let least_cos = (half_angle_rad + CELL_RAD).cos();
                     let sources = stars.iter().filter_map(|star| self.source(star, star.illuminance_lx));
@@ -123,7 +124,7 @@ impl Painter<'_> {
         Ok(sums)
     }
 
-    /// The stars of all leaves in a cell of an order.
+    /// Returns the stars of all leaves in a cell of an order.
     fn stars_of_cell(&self, deep: &DeepSky, order: u8, cell: u64) -> Result<Vec<Star>, DeepError> {
         let mut stars = Vec::new();
         for (layer, cell) in leaves_of(order, cell) {

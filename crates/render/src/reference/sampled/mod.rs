@@ -1,12 +1,11 @@
 //! Chosen pixels of images in f64: the exact result of the star passes and of `sky_cube` there, star by star, without
 //! maps or grids.
 //!
-//! A frame in f64 takes minutes; a few hundred pixels take about as long as one pass over the catalogue. Each chunk of
-//! stars is processed separately: a star that may reach a chosen pixel is spread with the kernel that the view uses
-//! (selected by its luminance over the pixel at its position, as by `peak_luminance` in `shaders/shared/splat.wgsl`),
-//! and the chunk's stars form a tree that sums their glare ([`veil_tree`]). The leaves of a deep store are processed in
-//! the same way ([`leaves`]). Chunks are distributed in a fixed way and
-//! summed in a fixed order: the result is bit-identical for any number of threads. Units: lx, cd/m^2, pc.
+//! A whole frame in f64 takes minutes. A few hundred pixels take about as long as one pass over the catalogue. Each chunk of stars is processed
+//! separately: a star that may reach a chosen pixel is spread with the kernel that the view uses (selected by its luminance over the pixel at its
+//! position, as by `peak_luminance` in `shaders/shared/splat.wgsl`), and the chunk's stars form a tree that sums their glare ([`veil_tree`]). The
+//! leaves of a deep store are processed in the same way ([`leaves`]). Chunks are distributed in a fixed way and summed in a fixed order: the result
+//! is bit-identical for any number of threads. Units: lx, cd/m^2, pc.
 
 mod leaves;
 mod veil_tree;
@@ -40,14 +39,14 @@ use crate::{
 
 /// Number of parts into which the chunks are distributed.
 const PARTS: usize = 32;
-/// Largest distance from its image at which a star affects a pixel: the widest kernel, plus the f32 error of positions,
+/// Largest distance at which a star affects a pixel, measured from the star's image: the reach of the widest kernel, plus the f32 error of positions,
 /// pixels.
 const REACH_PX: f64 = 5.0;
 /// Side of the pixel blocks that record whether a star is near a chosen pixel.
 const BLOCK_PX: f64 = 8.0;
 /// Veil in the middle of the Milky Way relative to the mean veil.
 const BRIGHTEST_VEIL: f64 = 4.0;
-/// Relative distance from a threshold within which f32 may select either kernel.
+/// Within this relative distance from a threshold, f32 may select the kernel on either side of it.
 const UNDECIDED: f64 = 1e-4;
 
 /// Input sky.
@@ -61,7 +60,7 @@ pub struct SampledSky<'a> {
     pub velocity_c: DVec3,
     /// Zodiacal light, if it is drawn.
     pub zodiacal: Option<&'a ZodiacalLight>,
-    /// Fainter stars are not drawn, lx.
+    /// Illuminance below which stars are not drawn, lx.
     pub faintest_lx: f64,
     /// Glare, if there is any.
     pub glare: Option<SampledGlare<'a>>,
@@ -101,20 +100,20 @@ pub struct PixelLight {
     pub veil_cd_m2: [f64; 3],
     /// Luminance of unresolved light at the centre of the pixel, in the same units.
     pub diffuse_cd_m2: [f64; 3],
-    /// Luminance that the nearby stars would have if all their light were in this pixel, cd/m^2: the factor for errors
-    /// of position.
+    /// Luminance that the nearby stars would have if all their light were in this pixel, cd/m^2. The effect of errors of position is proportional to
+    /// it.
     pub near_cd_m2: f64,
     /// Number of these stars.
     pub near_stars: u32,
     /// Glare that the frame does not draw at its true place, cd/m^2. Each faint source scatters most of this glare within two pixels of itself; this
-    /// value is the mean over some degrees around the pixel. The glare of stars of a deep store within about a degree is added.
+    /// value is the mean over some degrees around the pixel. This includes the glare of stars of a deep store within about a degree.
     pub unresolved_cd_m2: f64,
     /// Whether a nearby star is so close to a threshold that f32 may draw it with another kernel, or not at all.
     pub undecided: bool,
 }
 
 impl PixelLight {
-    /// Total luminance, cd/m^2.
+    /// Returns the total luminance, cd/m^2.
     pub fn luminance_cd_m2(&self) -> [f64; 3] {
         std::array::from_fn(|channel| {
             self.stars_cd_m2[channel] + self.veil_cd_m2[channel] + self.diffuse_cd_m2[channel]
@@ -157,7 +156,7 @@ impl Sums {
 pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Result<Vec<Vec<PixelLight>>, DeepError> {
     let places: Vec<Places> = images.iter().map(Places::new).collect();
     let directions: Vec<Scattered> = images.iter().flat_map(Scattered::of_image).collect();
-    // A colour requires an integral over the spectrum; catalogues only use these temperature steps.
+    // An exact colour requires an integral over the spectrum. Catalogues use only these temperature steps.
     let colours: Vec<[f64; 3]> =
         (0..TEMPERATURE_STEPS).map(|step| rec709_in_gamut(temperature_of_step_k(step))).collect();
     let eye = Eye { position_m: sky.eye_m, world_from_view: DQuat::IDENTITY, velocity_c: sky.velocity_c };
@@ -201,7 +200,7 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Result<Vec<V
     Ok(images.iter().map(of_image).collect())
 }
 
-/// Diffuse light at the centre of a pixel.
+/// Returns the diffuse light at the centre of a pixel.
 fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) -> [f64; 3] {
     let towards = image.projection.mapping().direction_from_pixel(pixel_centre(x, y));
     let Some(towards) = towards.map(|towards| image.world_from_view * towards) else { return [0.0; 3] };
@@ -212,8 +211,8 @@ fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) 
     [0, 1, 2].map(|c| of_stars[c] + of_dust[c])
 }
 
-/// Illuminance below which a source may be too faint to be drawn individually. It is that of the worst case: the
-/// brightest veil of the sky, the coarsest pixels, and a kernel as wide as these pixels can resolve.
+/// Returns the illuminance below which a source may be too faint to be drawn individually. It is computed for the worst case: the brightest veil of
+/// the sky, the coarsest pixels, and a kernel as wide as these pixels can resolve.
 fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sight) -> f64 {
     let Some(SampledGlare { kernel, tolerance, .. }) = sky.glare else { return 0.0 };
     let chunk_light = |chunk: &Chunk| -> f64 {
@@ -222,7 +221,7 @@ fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sig
         });
         seen.map(|star| star.illuminance_lx).sum()
     };
-    // Summed in the order of the chunks, independent of threads.
+    // The sum is formed in the order of the chunks, so it does not depend on the number of threads.
     let of_chunks: f64 = sky.stars.chunks.par_iter().map(chunk_light).collect::<Vec<_>>().iter().sum();
     let light_lx = of_chunks + sky.stars.deep.as_ref().map_or(0.0, |deep| deep.total_lx());
     let cores = images.iter().filter_map(|image| image.shown).map(|shown| shown.core.squared);
@@ -281,7 +280,7 @@ struct Painter<'a> {
     directions: &'a [Scattered],
     colours: &'a [[f64; 3]],
     sight: Sight,
-    /// Sources below this may be too faint to be drawn individually, lx.
+    /// Illuminance below which sources may be too faint to be drawn individually, lx.
     faint_below_lx: f64,
 }
 
@@ -312,7 +311,7 @@ impl Painter<'_> {
         sums
     }
 
-    /// Adds the images of stars. `kernels_of` returns the kernels that they have in an image.
+    /// Adds the images of stars. `kernels_of` returns the kernels of the stars in an image.
     fn spread_all(&self, stars: &[Star], kernels_of: impl Fn(&SampledImage<'_>) -> KernelPlan, sums: &mut [Sums]) {
         let mut first = 0;
         for (image, places) in self.images.iter().zip(self.places) {
@@ -322,14 +321,14 @@ impl Painter<'_> {
         }
     }
 
-    /// A star as a source of glare; `None`: stars that are not drawn cause none.
+    /// Returns a star as a source of glare; `None`: stars that are not drawn cause none.
     fn source(&self, star: &Star, faint_lx: f64) -> Option<Source> {
         let source = Source { direction: star.direction, rgb_lx: star.rgb_lx, faint_lx };
         (star.illuminance_lx >= self.sky.faintest_lx).then_some(source)
     }
 
-    /// Adds the glare of sources that form a tree. `note` receives the veil of these sources in each pixel, and the mean luminance of the faint ones
-    /// around it.
+    /// Adds the glare of sources that form a tree. `note` receives the veil of these sources in each pixel, and the mean luminance of the faint
+    /// sources around the pixel.
     fn add_veil(
         &self,
         sources: impl Iterator<Item = Source>,
@@ -354,7 +353,7 @@ impl Painter<'_> {
         })
     }
 
-    /// A star at a position in pc, or in a direction if it is at infinity, as the eye sees it.
+    /// Computes how the eye sees a star at a position in pc, or in a direction if it is at infinity.
     fn star(&self, position: DVec3, at_infinity: bool, star: &PackedStar) -> Option<Star> {
         let seen = self.sight.seen_star(position, at_infinity, star)?;
         let colour = match self.sight.moves() {
@@ -424,7 +423,7 @@ fn spread(
     }
 }
 
-/// Direction of a pixel's centre in world axes; `None` outside of the picture.
+/// Returns the direction of a pixel's centre in world axes; `None` outside of the picture.
 pub fn world_direction(image: &SampledImage<'_>, [x, y]: [u32; 2]) -> Option<DVec3> {
     let direction = image.projection.mapping().direction_from_pixel(pixel_centre(x, y))?;
     Some(image.world_from_view * direction)

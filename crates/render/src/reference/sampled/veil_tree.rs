@@ -1,10 +1,10 @@
-//! The glare of many sources in f64: sources that are close together compared with their distance from a pixel are
-//! treated as one at their centroid.
+//! The glare of many sources in f64: sources that are close together compared with their distance from a pixel are treated as one source at their
+//! centroid.
 //!
-//! A node of radius r at distance d represents its sources if r < [`OPENING`] d. Using the centroid cancels the
-//! first-order error. The second-order error is at most 2 <x^2> / d^2 of the node's veil for the inverse square, with
-//! <x^2> the mean square of the offsets along an axis, at most r^2 / 2: below 2.5e-3 for a single node, and a tenth of
-//! that for nodes with evenly spread sources in all directions. Distances are chords of the unit sphere.
+//! A node of radius r at distance d represents its sources if r < [`OPENING`] d. Using the centroid cancels the first-order error. For the inverse
+//! square, the second-order error is at most 2 <x^2> / d^2 of the node's veil, where <x^2> is the mean square of the offsets along an axis and at
+//! most r^2 / 2. This is below 2.5e-3 for a single node, and a tenth of that for nodes with evenly spread sources in all directions. Distances are
+//! chords of the unit sphere.
 
 use std::ops::Range;
 
@@ -123,8 +123,8 @@ impl VeilTree {
         }
     }
 
-    /// Adds the light that all sources would scatter in a direction for a scattered fraction of 1, and the mean
-    /// luminance of the faint sources around it, cd/m^2.
+    /// Adds the light that all sources would scatter in a direction if the scattered fraction were 1. Also adds the mean luminance of the faint
+    /// sources around this direction. Both are in cd/m^2.
     pub(super) fn add_veil(
         &self,
         kernel: &dyn GlareKernel,

@@ -1,6 +1,5 @@
-//! The star methods that use blending, in f64: points, discs, Gaussians and textured billboards on flat planes, and the
-//! detour through cube faces for pictures that are not flat. The twin of `passes::billboards` and of the following
-//! resolve pass.
+//! The star methods that use blending, in f64: points, discs, Gaussians and textured billboards on flat planes. Pictures that are not flat are drawn
+//! onto cube faces first. The twin of `passes::billboards` and of the following resolve pass.
 //!
 //! It evaluates the published formulas at pixel centres like the fragment shader, with two differences: solid angles of
 //! pixels are exact instead of two triangles in f32, and positions are not rounded to the rasteriser's sub-pixel grid.
@@ -67,7 +66,7 @@ pub fn draw(
     }
 }
 
-/// The luminance of every pixel of a picture, interpolated from the faces of its cube.
+/// Returns the luminance of every pixel of a picture, interpolated from the faces of its cube.
 fn look_up(mapping: &dyn PlaneMapping, cube: CubeFaces, faces: &[Vec<[f64; 3]>; 6]) -> Vec<[f64; 3]> {
     let [width, height] = mapping.size();
     let side = (cube.edge_px + 2 * GUARD_PX) as usize;
@@ -230,7 +229,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Exact solid angle of the pixel at a position of the plane, also outside of the picture, sr.
+    /// Returns the exact solid angle of the pixel at a position of the plane, also outside of the picture, sr.
     fn pixel_sr(&self, centre: DVec2) -> f64 {
         let [left, right, down, up] = self.plane.edge_tangents(0.0);
         let [width, height] = self.plane.size();
@@ -277,8 +276,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Right and up axes of a billboard: those of the view, rotated by the shortest rotation from the view's axis to
-    /// the star.
+    /// Returns the right and up axes of a billboard: those of the view, rotated by the shortest rotation from the view's axis to the star.
     fn axes(&self, direction: DVec3) -> (DVec3, DVec3) {
         let in_view = self.view_from_plane * direction;
         let turn = DMat3::from_quat(DQuat::from_rotation_arc(DVec3::NEG_Z, in_view));
@@ -308,13 +306,13 @@ fn map_range(value: f64, from: [f64; 2], to: [f64; 2]) -> f64 {
     to[0] + (value.clamp(from[0], from[1]) - from[0]) / (from[1] - from[0]) * (to[1] - to[0])
 }
 
-/// Mean of exp(-u^2 / (2 sigma^2)) over the pixel from u - 1/2 to u + 1/2.
+/// Returns the mean of exp(-u^2 / (2 sigma^2)) over the pixel from u - 1/2 to u + 1/2.
 fn mean_of_gaussian(u: f64, sigma2: f64) -> f64 {
     let scale = (2.0 * sigma2).sqrt();
     PI.sqrt() / 2.0 * scale * (erf((u + 0.5) / scale) - erf((u - 0.5) / scale))
 }
 
-/// The error function, by its series with terms of equal sign.
+/// Returns the error function, by its series with terms of equal sign.
 fn erf(x: f64) -> f64 {
     if x.abs() > 6.0 {
         return x.signum();

@@ -11,8 +11,8 @@
 //! than the available space (half of the cell's half side), and it is as distorted as its cell: round in the centre of
 //! a face, but sqrt(2) times as wide across a face's edge as along it, and with a ratio of sqrt(3) at the corners.
 //!
-//! **Effect of the distortion on the cells' areas** (200 cells per side, largest over smallest solid angle, standard
-//! deviation over mean, as measured by a test):
+//! **Effect of the distortion on the cells' areas** (200 cells per side; largest solid angle divided by smallest, and standard deviation divided by
+//! mean; measured by a test):
 //!
 //! | grid | largest / smallest | std / mean |
 //! |---|---|---|
@@ -20,10 +20,10 @@
 //! | published distortion | 1.93 | 0.114 |
 //! | equal angles, u = tan(pi a / 4) | 1.41 | 0.090 |
 //!
-//! It removes most of the plain cube's unevenness, but less than equal angles would, which require an arc tangent. Its
-//! areas are smallest on the diagonals near the corners (0.37 of a plain central cell) and largest at the middles of
-//! the edges (0.71). It maps a face onto itself and preserves its edges (factor sqrt(2 - 1) = 1): the cells of two
-//! faces meet at the edges. The factor has a crease on the diagonals, where |u| = |v|: the cells there are kites.
+//! It removes most of the plain cube's unevenness, but less than equal angles would. Those require an arc tangent. Its areas are smallest on the
+//! diagonals near the corners (0.37 of a plain central cell) and largest at the middles of the edges (0.71). It maps a face onto itself and preserves
+//! its edges (factor sqrt(2 - 1) = 1): the cells of two faces meet at the edges. The factor has a crease on the diagonals, where |u| = |v|: the cells
+//! there are kites.
 //!
 //! Units: radians; directions in ICRS.
 
@@ -36,7 +36,7 @@ use crate::photometry::blackbody::rec709_in_gamut;
 use crate::plan::settings::CellSkySettings;
 use crate::plan::stars::cell_sky::{BAND_SINE, EVEN_DENSITY, FAINTEST, JITTER};
 
-/// Temperatures of the colours between which star colours are interpolated.
+/// Temperatures of the colours between which the colours of stars are interpolated.
 const COLOURS_K: [f64; 3] = [3500.0, 6504.0, 12_000.0];
 
 /// A star of the procedural sky.
@@ -65,7 +65,7 @@ pub struct Cell {
     pub row: u32,
 }
 
-/// Face (-z, +x, -x, +z, +y, -y) and position u, v on it for a direction of any nonzero length.
+/// Returns the face (-z, +x, -x, +z, +y, -y) and position u, v on it for a direction of any nonzero length.
 pub fn face_place(d: DVec3) -> (u32, DVec2) {
     let a = d.abs();
     if a.z >= a.x && a.z >= a.y {
@@ -79,7 +79,7 @@ pub fn face_place(d: DVec3) -> (u32, DVec2) {
     }
 }
 
-/// Unit direction of a position on a face: the inverse of [`face_place`].
+/// Returns the unit direction of a position on a face: the inverse of [`face_place`].
 pub fn face_direction(face: u32, uv: DVec2) -> DVec3 {
     let DVec2 { x: u, y: v } = uv;
     match face {
@@ -93,12 +93,12 @@ pub fn face_direction(face: u32, uv: DVec2) -> DVec3 {
     .normalize()
 }
 
-/// The published distortion of a position on a face.
+/// Returns the published distortion of a position on a face.
 pub fn distort(uv: DVec2) -> DVec2 {
     uv * (2.0 - uv.abs().max_element()).sqrt()
 }
 
-/// The inverse of [`distort`], by Newton's method: the derivative of m sqrt(2 - m) is (2 - 1.5 m) / sqrt(2 - m).
+/// Returns the inverse of [`distort`], by Newton's method: the derivative of m sqrt(2 - m) is (2 - 1.5 m) / sqrt(2 - m).
 pub fn straighten(uv: DVec2) -> DVec2 {
     let wanted = uv.abs().max_element();
     let mut m = 0.85 * wanted;
@@ -109,25 +109,25 @@ pub fn straighten(uv: DVec2) -> DVec2 {
     uv / (2.0 - m).sqrt()
 }
 
-/// An integer hash with full avalanche (PCG by M. E. O'Neill, in the output form of Jarzynski and Olano 2020).
+/// Returns an integer hash with full avalanche (PCG by M. E. O'Neill, in the output form of Jarzynski and Olano 2020).
 fn hash(value: u32) -> u32 {
     let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
     (word >> 22) ^ word
 }
 
-/// Uniform number in [0, 1) with 24 bits.
+/// Returns a uniform number in [0, 1) with 24 bits.
 fn unit(bits: u32) -> f64 {
     f64::from(bits >> 8) / f64::from(1_u32 << 24)
 }
 
-/// Fraction of the cells that have a star, in a direction.
+/// Returns the fraction of the cells that have a star, in a direction.
 pub fn density(direction: DVec3) -> f64 {
     let pole = direction_from_lon_lat(GALACTIC_POLE_RA_DEG.to_radians(), GALACTIC_POLE_DEC_DEG.to_radians());
     EVEN_DENSITY + (1.0 - EVEN_DENSITY) * (-(direction.dot(pole) / BAND_SINE).powi(2)).exp()
 }
 
-/// The star of a cell, if it has one. `settings.cells` must be at least 1.
+/// Returns the star of a cell, if it has one. `settings.cells` must be at least 1.
 pub fn star_in(cell: Cell, settings: &CellSkySettings) -> Option<CellStar> {
     let Cell { layer, face, column, row } = cell;
     let cells = settings.cells;
@@ -148,8 +148,8 @@ pub fn star_in(cell: Cell, settings: &CellSkySettings) -> Option<CellStar> {
     Some(CellStar { direction, brightness, colour, inner })
 }
 
-/// Brightness of the sky in a direction, linear Rec. 709, display white = 1, for pixels of `pixel_rad` in the centre of
-/// the view. `settings.cells` must be at least 1.
+/// Returns the brightness of the sky in a direction, linear Rec. 709, display white = 1. Pixels in the centre of the view have the size `pixel_rad`.
+/// `settings.cells` must be at least 1.
 pub fn brightness(direction: DVec3, pixel_rad: f64, settings: &CellSkySettings) -> [f64; 3] {
     let (face, uv) = face_place(direction);
     let cells = f64::from(settings.cells);
@@ -170,7 +170,7 @@ pub fn brightness(direction: DVec3, pixel_rad: f64, settings: &CellSkySettings) 
     sum
 }
 
-/// All stars: direction and brightness at the centre. There are up to 6 `layers` `cells`^2 of them.
+/// Returns all stars, each as its direction and the brightness at its centre. There are up to 6 `layers` `cells`^2 of them.
 pub fn stars(settings: &CellSkySettings) -> impl Iterator<Item = (DVec3, f64)> {
     let settings = *settings;
     let CellSkySettings { cells, layers, .. } = settings;
@@ -194,7 +194,7 @@ pub enum FaceGrid {
 }
 
 impl FaceGrid {
-    /// Position on the face for grid coordinates in [-1, 1], and area on the face per area of the grid.
+    /// Returns the position on the face for grid coordinates in [-1, 1], and area on the face per area of the grid.
     fn place(self, grid: DVec2) -> (DVec2, f64) {
         match self {
             Self::Plain => (grid, 1.0),
@@ -211,7 +211,7 @@ impl FaceGrid {
         }
     }
 
-    /// Solid angles of the cells of a face, row by row, sr: 8 x 8 midpoints of (1 + u^2 + v^2)^(-3/2) per cell.
+    /// Returns the solid angles of the cells of a face, row by row, sr. Each cell is integrated as 8 x 8 midpoints of (1 + u^2 + v^2)^(-3/2).
     pub fn solid_angles_sr(self, cells: u32) -> Vec<f64> {
         const POINTS: u32 = 8;
         let step = 2.0 / f64::from(cells * POINTS);

@@ -1,9 +1,8 @@
 //! The Gaussian that is round in view space, in f64: the twin of `shaders/shared/gaussian.wgsl`.
 //!
-//! Every pixel within the cut gets exp(-c^2 / (2 sigma^2)) times its solid angle, with c the chord between the star's
-//! direction and the pixel's centre. The norm is the sum over the pixels if the kernel lies inside of the picture, or
-//! if neighbours continue the picture beyond its border; otherwise it is the integral over the sphere, 2 pi sigma^2
-//! (1 - exp(-cut^2 / 2)), which is exact since c dc = sin(theta) dtheta.
+//! Every pixel within the cut gets exp(-c^2 / (2 sigma^2)) times its solid angle, with c the chord between the star's direction and the pixel's
+//! centre. The norm is the sum over the pixels if the kernel lies inside of the picture, or if neighbouring pictures continue beyond its border;
+//! otherwise it is the integral over the sphere, 2 pi sigma^2 (1 - exp(-cut^2 / 2)), which is exact since c dc = sin(theta) dtheta.
 
 use std::f64::consts::TAU;
 
@@ -15,8 +14,8 @@ use crate::{
     view::projection::{PlaneMapping, Tap, pixel_centre},
 };
 
-/// Density times solid angle of every pixel within the cut, before division by the norm. Visits every pixel of the
-/// picture, for any mapping: slow and simple.
+/// Returns density times solid angle of every pixel within the cut, before division by the norm. It visits every pixel of the picture, for any
+/// mapping, and is slow and simple.
 fn weights(mapping: &dyn PlaneMapping, sigma_rad: f64, direction: DVec3) -> Vec<Tap> {
     let [columns, rows] = mapping.size();
     let mut taps = Vec::new();
@@ -43,7 +42,7 @@ fn is_whole(mapping: &dyn PlaneMapping, direction: DVec3, cut_rad: f64) -> bool 
     })
 }
 
-/// The pixels that a star in `direction` (any length) reaches, with their weights. Empty if the star has no image.
+/// Returns the pixels that a star in `direction` (any length) reaches, with their weights. Empty if the star has no image.
 pub fn taps(mapping: &dyn PlaneMapping, width: GaussianWidth, direction: DVec3) -> Vec<Tap> {
     let direction = direction.normalize_or_zero();
     let Some([longer, _]) = mapping.pixel_extent_rad(direction) else { return Vec::new() };

@@ -1,6 +1,6 @@
-//! The published rasteriser in f64: the twin of `packed_cas` and `packed_cas_sorted`, without half floats, contention
-//! and solid angles from f32 triangles. The remaining method: four pixels, each with the luminance that the star would
-//! have in its central pixel times a weight; temperatures averaged by luminance.
+//! The published rasteriser in f64: the twin of `packed_cas` and `packed_cas_sorted`, without half floats, contention and solid angles from f32
+//! triangles. What it shares with them is the method: a star lights four pixels. Each gets the luminance that the star would have in its central
+//! pixel, times a weight. Temperatures are averaged with luminance as weight.
 
 use super::splat::{Eye, seen_by};
 use crate::{catalogue::chunks::StarSet, photometry::blackbody::rec709_in_gamut, view::projection::PlaneMapping};
@@ -8,7 +8,7 @@ use crate::{catalogue::chunks::StarSet, photometry::blackbody::rec709_in_gamut, 
 /// Largest temperature that a half float can hold, K.
 const MOST_K: f64 = 65_504.0;
 
-/// Luminance in cd/m^2 of every pixel, linear Rec. 709, row by row from the top.
+/// Returns the luminance in cd/m^2 of every pixel, linear Rec. 709, row by row from the top.
 pub fn draw(set: &StarSet, eye: Eye, mapping: &dyn PlaneMapping) -> Vec<[f64; 3]> {
     let [width, height] = mapping.size();
     // Luminance, and luminance times temperature.

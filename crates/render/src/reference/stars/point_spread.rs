@@ -10,22 +10,22 @@ use glam::DVec2;
 
 /// The distribution of a star's light.
 pub trait PointSpread: Sync {
-    /// Fraction of the star's light per steradian at an offset (+x right, +y up, rad), in linear Rec. 709 channels.
+    /// Returns the fraction of the star's light per steradian at an offset (+x right, +y up, rad), in linear Rec. 709 channels.
     fn per_sr(&self, offset_rad: DVec2) -> [f64; 3];
 
-    /// Angle from the star beyond which there is no light, rad, at most pi.
+    /// Returns the angle from the star beyond which there is no light, rad, at most pi.
     fn radius_rad(&self) -> f64;
 
-    /// Scale of the finest detail, rad: over a square with this side the function is well approximated by a polynomial.
-    /// Larger pixels are subdivided for the quadrature.
+    /// Returns the scale of the finest detail, rad: within a square with this side, a polynomial approximates the function well. Larger pixels are
+    /// subdivided for the quadrature.
     fn detail_rad(&self) -> f64;
 }
 
-/// Reasons why a point-spread function cannot be made.
+/// Reasons why a point-spread function cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PointSpreadError {
-    /// A width that is not a positive number, or too wide for the sphere.
+    /// A width is not a positive number, or too large for the sphere.
     #[error("{what} = {value} rad: must be more than 0 and at most {most}")]
     Width {
         /// Name of the width.
@@ -36,7 +36,7 @@ pub enum PointSpreadError {
         most: f64,
     },
     /// A table has the wrong number of values.
-    #[error("a table of {given} values: must have {needed}")]
+    #[error("the table has {given} values; it must have {needed}")]
     Count {
         /// Number of values passed in.
         given: usize,
@@ -65,7 +65,7 @@ pub(crate) const FIVE_POINTS: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
 
-/// Integral of a function from `from` to `to` in `cells` equal parts.
+/// Returns the integral of a function from `from` to `to` in `cells` equal parts.
 fn integrate(from: f64, to: f64, cells: usize, value: impl Fn(f64) -> f64) -> f64 {
     let half = (to - from) / (2.0 * cells as f64);
     let cell = |i: usize| {
@@ -85,7 +85,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// A Gaussian of standard deviation `sigma_rad`, more than 0 and at most 1 rad.
+    /// Creates a Gaussian of standard deviation `sigma_rad`, which must be more than 0 and at most 1 rad.
     ///
     /// # Errors
     /// [`PointSpreadError::Width`] for other widths.
@@ -97,7 +97,7 @@ impl Gaussian {
         Ok(Self { sigma_rad, radius_rad, peak_per_sr: 1.0 / integral })
     }
 
-    /// Fraction of the light per steradian at the centre: 1 / (2 pi sigma^2) for small sigma.
+    /// Returns the fraction of the light per steradian at the centre: 1 / (2 pi sigma^2) for small sigma.
     pub fn peak_per_sr(&self) -> f64 {
         self.peak_per_sr
     }
@@ -129,8 +129,8 @@ pub struct RadialTable {
 }
 
 impl RadialTable {
-    /// A table of relative values at 0, `step_rad`, 2 `step_rad` and so on; beyond the last there is no light. Each
-    /// channel is normalised.
+    /// Creates a table of relative values at 0, `step_rad`, 2 `step_rad` and so on. Beyond the last value there is no light. Each channel is
+    /// normalised.
     ///
     /// # Errors
     /// See [`PointSpreadError`].
@@ -173,8 +173,7 @@ impl PointSpread for RadialTable {
     }
 }
 
-/// A picture of a star, row by row from the top, centred on the star; bilinear between texel centres, black outside of
-/// them.
+/// A picture of a star, row by row from the top, centred on the star. It is bilinear between texel centres, and black outside of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageTable {
     size: [usize; 2],
@@ -183,8 +182,7 @@ pub struct ImageTable {
 }
 
 impl ImageTable {
-    /// A table of `size` (width, height) relative values, with texels `texel_rad` wide and high. Each channel is
-    /// normalised.
+    /// Creates a table of `size` (width, height) relative values. Its texels are `texel_rad` wide and high. Each channel is normalised.
     ///
     /// # Errors
     /// See [`PointSpreadError`].
@@ -205,7 +203,7 @@ impl ImageTable {
                     for (u, weight_u) in FIVE_POINTS {
                         let place = DVec2::new(column as f64 + 0.5 + u / 2.0, row as f64 + 0.5 + v / 2.0);
                         let theta = (place - middle).length() * texel_rad;
-                        // Area on the sphere per area of the tangent plane.
+                        // Area on the sphere divided by area of the tangent plane.
                         let sinc = if theta > 0.0 { theta.sin() / theta } else { 1.0 };
                         let weight = weight_u * weight_v * sinc * (texel_rad / 2.0).powi(2);
                         for (sum, value) in integrals.iter_mut().zip(table.value_at(place)) {
@@ -220,7 +218,7 @@ impl ImageTable {
         Ok(table)
     }
 
-    /// Value at a position in units of texels, with (0, 0) the centre of the upper left one.
+    /// Returns the value at a position in units of texels. (0, 0) is the centre of the upper left texel.
     fn value_at(&self, place: DVec2) -> [f64; 3] {
         let [columns, rows] = self.size.map(|side| (side - 1) as f64);
         if !(0.0..=columns).contains(&place.x) || !(0.0..=rows).contains(&place.y) {
@@ -272,7 +270,7 @@ mod tests {
     fn a_narrow_gaussian_has_the_peak_of_the_plane() {
         let narrow = Gaussian::new(1e-4).unwrap();
         assert!((narrow.peak_per_sr() * TAU * 1e-8 - 1.0).abs() < 1e-8, "{}", narrow.peak_per_sr());
-        // On the sphere the rings are smaller: 1 - sigma^2 / 3 to the next order.
+        // On the sphere the rings are smaller, by the factor 1 - sigma^2 / 3 to the next order.
         let wide = Gaussian::new(0.1).unwrap();
         let integral = 0.01 * (1.0 - 0.01 / 3.0 + 0.0001 / 15.0);
         assert!((wide.peak_per_sr() * TAU * integral - 1.0).abs() < 1e-7, "{}", wide.peak_per_sr());
@@ -299,7 +297,7 @@ mod tests {
         let image = ImageTable::new([3, 3], 1e-3, values).unwrap();
         let [corner, middle] = [DVec2::splat(1e-3), DVec2::ZERO].map(|at| image.per_sr(at)[0]);
         assert!((corner / middle - 3.0).abs() < 1e-9, "{corner} {middle}");
-        // Four cells; the mean of the one at the corner is 1.5.
+        // There are four cells; the mean of the one at the corner is 1.5.
         assert!((middle * 4.5e-6 - 1.0).abs() < 1e-6, "{middle}");
         assert_eq!(image.per_sr(DVec2::new(1.1e-3, 0.0)), [0.0; 3]);
     }

@@ -47,7 +47,7 @@ pub struct ReferenceImage {
 }
 
 impl ReferenceImage {
-    /// Luminance in cd/m^2 of every pixel: illuminance over solid angle.
+    /// Returns the luminance in cd/m^2 of every pixel: illuminance divided by solid angle.
     pub fn luminance_cd_m2(&self, mapping: &dyn PlaneMapping) -> Vec<[f64; 3]> {
         let width = self.size[0];
         self.illuminance_lx
@@ -68,7 +68,7 @@ pub enum StarKernel {
     Splat(SplatKernel),
     /// A Gaussian that is round in view space.
     Gaussian(GaussianWidth),
-    /// The kernel of stars too bright for the B-spline, with the share of the Gaussian.
+    /// The kernel of stars too bright for the B-spline, with the weight of the Gaussian in the blend.
     Bright(f64),
 }
 
@@ -110,8 +110,7 @@ impl Sight {
         self.motion.is_some()
     }
 
-    /// A star at a position, or in a direction if it is at infinity; `None` at the exact position of the eye, where it
-    /// has no direction.
+    /// Returns the star at a position, or in a direction if it is at infinity; `None` at the exact position of the eye, where it has no direction.
     pub fn seen_star(&self, position: DVec3, at_infinity: bool, star: &PackedStar) -> Option<SeenStar> {
         let place = if at_infinity { position.normalize_or_zero() } else { position - self.eye_pc };
         let distance_squared = place.length_squared();
@@ -134,8 +133,7 @@ impl Sight {
     }
 }
 
-/// The stars of a set as seen by a moving eye. A star at the exact position of the eye has no direction and is left
-/// out.
+/// Returns the stars of a set as seen by a moving eye. A star at the exact position of the eye has no direction and is left out.
 pub(crate) fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = SeenStar> {
     let sight = Sight::new(eye);
     set.iter().filter_map(move |(position, at_infinity, star)| sight.seen_star(position, at_infinity, star))

@@ -81,7 +81,7 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
     }
 }
 
-/// Tables of the night sky and of scattering for a sky's sources, in the layout that the shader reads.
+/// Returns the tables of the night sky and of scattering for a sky's sources, in the layout that the shader reads.
 pub(super) fn encode_tables(sky: &LocalSky) -> Vec<[f32; 4]> {
     let nodes = sky.sources.iter().flat_map(|source| source.table.smooth.iter().chain(&source.table.aerosol));
     let night = sky.air.iter().flat_map(|air| air.scattered.night());
@@ -93,7 +93,7 @@ impl AirPass {
         Self { pipelines: Variants::new(), points: OnceLock::new() }
     }
 
-    /// Returns the pipeline of a form, which is created at the first call.
+    /// Returns the pipeline of a form. The first call creates it.
     pub(super) fn pipeline(&self, gpu: &Gpu, form: Form) -> wgpu::ComputePipeline {
         self.pipelines.get(form, || {
             let constants =

@@ -21,8 +21,7 @@ use crate::{
     scene::{landscape::Landscape, surroundings::Horizon},
 };
 
-/// Grid spacing. Sky light is smooth over a degree and more, less so near the horizon; there thick air also makes it
-/// darker.
+/// Grid spacing. Sky light is smooth over a degree and more. Near the horizon it is less smooth, but there thick air also makes it darker.
 const SPACING: GridSpacing = GridSpacing { most_rad: 0.0125, most_px: 8 };
 
 /// The pass and the buffers that it reads.

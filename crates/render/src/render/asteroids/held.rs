@@ -152,7 +152,7 @@ impl Held {
         }
     }
 
-    /// Makes the atlases of a method, unless those in use have the same method and size.
+    /// Creates the atlases of a method, unless those in use have the same method and size.
     pub(super) fn hold_atlases(
         &mut self,
         gpu: &Gpu,
@@ -164,7 +164,7 @@ impl Held {
         if self.atlases.as_ref().is_some_and(|held| held.method == method && held.size == size) {
             return Ok(());
         }
-        // Drop the old atlases before their successors are made, so that both never exist at once.
+        // Drop the old atlases before the new ones are made, so that both never exist at once.
         self.atlases = None;
         let spare = self.spare.take().and_then(|spare| spare.atlases);
         let of_same = spare.filter(|(spare_method, spare_size, _)| (*spare_method, *spare_size) == (method, size));
@@ -186,12 +186,12 @@ impl Held {
         Ok(())
     }
 
-    /// Atlases of all sets; empty without impostors.
+    /// Returns the atlases of all sets; empty without impostors.
     pub(super) fn atlases(&self) -> &[ImpostorAtlas] {
         self.atlases.as_ref().map_or(&[], |held| &held.atlases)
     }
 
-    /// Bind groups of the atlases for squares; empty if no squares are drawn.
+    /// Returns the bind groups of the atlases for squares; empty if no squares are drawn.
     pub(super) fn atlas_groups(&self) -> &[wgpu::BindGroup] {
         self.atlases.as_ref().map_or(&[], |held| &held.groups)
     }

@@ -85,7 +85,7 @@ impl Layers {
                 size.width = width.max(old.size.width);
                 size.height = height.max(old.size.height);
             }
-            // Drop the old textures before their successors are made, so that both never exist at once.
+            // Drop the old textures before the new ones are made, so that both never exist at once.
             *held = None;
         }
         *held = Some(Self::new(gpu, size, array));
@@ -104,8 +104,8 @@ impl LayerTargets {
 }
 
 impl Asteroids {
-    /// Records meshes and impostors of one tile: onto its window, and onto the faces behind its picture unless they are
-    /// drawn already. Returns `None` if no fields are held.
+    /// Records meshes and impostors of one tile: onto its window, and onto the faces behind its picture unless they are drawn already. Returns `None`
+    /// if there are no fields.
     pub(crate) fn record_layers(
         &mut self,
         gpu: &Gpu,
@@ -180,7 +180,7 @@ impl Asteroids {
             ..window
         };
         let target = gpu.frame_uniform("asteroid target", &target);
-        // Meshes, and impostors drawn as squares.
+        // Draw meshes, and impostors that are squares.
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("asteroids"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -237,7 +237,7 @@ impl Asteroids {
         }
         passes.mesh(gpu).record(&mut pass, &draw, &held.vertices, &held.indices, held.kinds.meshes as u32);
         drop(pass);
-        // Impostors that are splatted.
+        // Draw the impostors that are splatted.
         let Some(splats) = &plan.splats else { return };
         let lists = SplatLists {
             target: &target,

@@ -85,9 +85,9 @@ gpu_structs! {
         edges_x: [f32; 4],
         /// Inward normals of the planes through the lower and upper edge: y and z of each.
         edges_y: [f32; 4],
-        /// Sine of half the angle of the cone around the picture.
+        /// Sine of half the opening angle of the cone around the picture.
         cone_sine: f32,
-        /// Cosine of the half-angle.
+        /// Cosine of half the opening angle.
         cone_cosine: f32,
         /// Kind of picture: 0 flat, 1 round, 2 longitude and latitude.
         kind: u32,
@@ -95,9 +95,9 @@ gpu_structs! {
         first_entry: u32,
         /// Distance between the eyes, m.
         impostor_eyes: f32,
-        /// Factor of the distance at which impostors begin; negative: no impostors.
+        /// Factor in the distance at which impostors begin; negative: no impostors.
         impostor_linear: f32,
-        /// Exponent of the same distance.
+        /// Exponent in the distance at which impostors begin.
         impostor_exponent: f32,
         /// Factor on the distances at which the levels of detail change.
         quality: f32,
@@ -232,7 +232,7 @@ gpu_structs! {
         /// Unit vector to the sun, view axes.
         sun: [f32; 3],
         unused_1: u32,
-        /// Geometric albedo times illuminance over pi, units of the target.
+        /// Geometric albedo times illuminance divided by pi, units of the target.
         luminance: [f32; 3],
         unused_2: u32,
     }

@@ -70,8 +70,8 @@ pub struct AsteroidCounts {
     pub meshes: Vec<u64>,
     /// Drawn as impostors, counted like meshes.
     pub impostors: u64,
-    /// Impostors with their centre in the picture and no visible sample: hidden by nearer asteroids, or between
-    /// samples. They are not lit. Counted for `octahedral_splat` only.
+    /// Impostors with their centre in the picture and no visible sample: nearer asteroids hide them, or they lie between samples. They are not lit.
+    /// They are counted only for `octahedral_splat`.
     pub hidden: u64,
     /// Drawn as points.
     pub points: u64,
@@ -210,8 +210,7 @@ impl Asteroids {
         impostors: Option<ImpostorMethod>,
     ) -> Result<(), RenderError> {
         if self.held.as_ref().is_none_or(|held| !held.holds(objects)) {
-            // Drop the old buffers before their successors are made, so that both never exist at once; keep only the
-            // reusable parts.
+            // Drop the old buffers before the new ones are made, so that both never exist at once; keep only the reusable parts.
             let spare = self.held.take().map(Held::into_spare);
             self.held = Some(Held::new(gpu, objects, spare, &self.ahead));
         }
@@ -269,7 +268,7 @@ impl Asteroids {
         self.passes.cull(gpu).record(gpu, &mut pass, numbers, &cull);
     }
 
-    /// Impostors per workgroup if they are splatted; 0 otherwise.
+    /// Returns the number of impostors per workgroup if they are splatted; 0 otherwise.
     fn splats_per_workgroup(&self, gpu: &Gpu, plan: &AsteroidPlan) -> u32 {
         plan.splats.map_or(0, |_| self.passes.splats(gpu).per_workgroup)
     }
@@ -455,7 +454,7 @@ fn read_counts(
 ) -> Result<Vec<AsteroidCounts>, RenderError> {
     let mut words = |name: &str| match places.counts.iter().find(|(count_name, ..)| *count_name == name) {
         Some((_, place, count)) => readback.read::<u32>(gpu, *place, *count).map_err(RenderError::from),
-        None => unreachable!("every frame with asteroids counts them"),
+        None => unreachable!("every frame with asteroids has counted them"),
     };
     let (totals, points, hidden) = (words(TOTALS)?, words(POINTS)?, words(HIDDEN)?);
     if u64::from(totals[0]) > plan.capacity {
@@ -465,20 +464,20 @@ fn read_counts(
     Ok(counts_of(plan, &totals[1..], &points, &hidden, views))
 }
 
-/// Size of the counts in the readback buffer, bytes.
+/// Returns the size of the counts in the readback buffer, bytes.
 fn count_bytes(plan: &AsteroidPlan) -> u64 {
     4 * (totals_of(plan) + POINT_COUNTS + plan.planes.len()) as u64 + 64
 }
 
-/// Number of words of the totals of all lists.
+/// Returns the number of words of the totals of all lists.
 fn totals_of(plan: &AsteroidPlan) -> usize {
     1 + plan.planes.len() * plan.kinds as usize
 }
 
-/// Number of counts of the point pass: points per viewport, then asteroids of point-only groups per viewport.
+/// Number of counts of the point pass: points per viewport, then asteroids per viewport in groups that contain only points.
 const POINT_COUNTS: usize = POINT_COUNTERS as usize;
 
-/// Stride between the uniforms of two kinds, bytes.
+/// Returns the stride between the uniforms of two kinds, bytes.
 fn kind_stride(gpu: &Gpu) -> u32 {
     gpu.device.limits().min_uniform_buffer_offset_alignment.max(size_of::<layout::AsteroidBucket>() as u32)
 }

@@ -1,6 +1,6 @@
 //! Splats asteroids drawn as points, like stars. Shader: `shaders/asteroids/points.wgsl`.
 //!
-//! No twin: photometry/reflection.rs: closed forms.
+//! No twin: photometry/reflection.rs, which has closed forms.
 
 use crate::{
     gpu::{Gpu, bind_in_order, dispatch_rows},

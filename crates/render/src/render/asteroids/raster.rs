@@ -1,4 +1,4 @@
-//! Shared by meshes and impostors: the lists they draw, the target formats, and their pipelines.
+//! Code that meshes and impostors share: the lists they draw, the target formats, and their pipelines.
 //!
 //! No shader: code shared by mesh and impostors.
 //! No twin: code shared by mesh and impostors.
@@ -19,7 +19,7 @@ pub(crate) struct AsteroidDraw<'a> {
 }
 
 impl AsteroidDraw<'_> {
-    /// Offset of a kind's arguments, bytes.
+    /// Returns the offset of a kind's arguments, bytes.
     pub(crate) fn arguments_at(&self, kind: u32) -> u64 {
         (self.first_list + u64::from(kind)) * ASTEROID_ARGUMENT_BYTES
     }
@@ -33,7 +33,7 @@ pub(crate) const ASTEROID_COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgb
 /// Depth format of asteroids: greater values are nearer.
 pub(crate) const ASTEROID_DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// Layout of group 0 of every pass that draws asteroids.
+/// Returns the layout of group 0 of every pass that draws asteroids.
 pub(crate) fn asteroid_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let uniform = |dynamic: bool| wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,

@@ -27,7 +27,7 @@ fn gpu() -> Gpu {
     Gpu::open(&GpuOptions::default()).expect("tests need a Vulkan adapter; `make test` installs the software one")
 }
 
-/// Sphere made from an icosahedron by halving the edges of its faces `halvings` times.
+/// Returns a sphere made from an icosahedron by halving the edges of its faces `halvings` times.
 fn sphere(halvings: u32) -> Mesh {
     let t = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z).normalize();
@@ -90,7 +90,7 @@ fn lod(halvings: u32) -> Lod {
     Lod { mesh, error, longest_edge }
 }
 
-/// A sphere with three levels of detail, and another shape with two.
+/// Returns a sphere with three levels of detail, and another shape with two.
 fn shapes() -> Arc<ShapeSet> {
     let finest = Lod { error: 0.0, ..lod(4) };
     let shape = |levels: Vec<Lod>| Shape { lods: levels, bound: 1.0 };
@@ -187,7 +187,7 @@ fn field(instances: Arc<Instances>, shapes: Arc<ShapeSet>) -> Arc<AsteroidField>
     })
 }
 
-/// Views of every kind.
+/// Returns views of every kind.
 fn kinds() -> Vec<(&'static str, ViewKind)> {
     let fisheye = |mapping, fov_rad| ViewKind::Fisheye { size: [200, 180], mapping, fov_rad };
     vec![

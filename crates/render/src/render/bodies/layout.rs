@@ -5,10 +5,10 @@ use crate::gpu::gpu_structs;
 gpu_structs! {
     /// An ellipsoid seen from an eye. `shaders/shared/ellipsoid.wgsl` explains the coordinates.
     struct ViewBody {
-        /// Rows of the map from view axes, in units of `distance_m`, to the body's axes, in semi-axes: keeps the numbers near 1 for
-        /// bodies of any size.
+        /// Rows of the map from view axes, in units of `distance_m`, to the body's axes, in semi-axes. These units keep the numbers near 1 for bodies
+        /// of any size.
         unit_from_view_x: [f32; 3],
-        /// Distance of the centre over the length of `centre`, m.
+        /// Distance of the centre divided by the length of `centre`, m.
         distance_m: f32,
         unit_from_view_y: [f32; 3],
         /// 1: `centre` is a tangent on a flat picture, with z = -1. 0: `centre` is a unit vector.
@@ -24,7 +24,7 @@ gpu_structs! {
         unit_centre: [f32; 3],
         /// Law of reflection: 0 Lambert, 1 Lommel-Seeliger.
         law: u32,
-        /// Geometric albedo over pi, linear Rec. 709.
+        /// Geometric albedo divided by pi, linear Rec. 709.
         reflectance: [f32; 3],
         /// Coefficient of linear limb darkening.
         limb_darkening: f32,
@@ -38,13 +38,13 @@ gpu_structs! {
         texture: u32,
         /// Width and height of the texture.
         texture_size: [u32; 2],
-        /// Rings: their luminance over their reflectance. Corona: mean luminance of the disc. cd/m^2.
+        /// Rings: their luminance divided by their reflectance. Corona: mean luminance of the disc. cd/m^2.
         around_light: [f32; 3],
         /// Kind of surroundings of the body: one of `AROUND_...`.
         around: u32,
         /// Unit vector towards the first sun, body's axes.
         to_sun: [f32; 3],
-        /// Polar semi-axis over equatorial semi-axis.
+        /// Polar semi-axis divided by equatorial semi-axis.
         flattening: f32,
         /// Unit vector to the centre, view axes.
         towards: [f32; 3],
@@ -67,7 +67,7 @@ gpu_structs! {
         /// Unit vector to the sun, body's axes.
         to_sun: [f32; 3],
         unused_1: u32,
-        /// Semi-axes over the largest one.
+        /// Semi-axes relative to the largest one.
         shape: [f32; 3],
         unused_2: u32,
         /// Fraction of the light that reaches the umbra.
@@ -103,9 +103,9 @@ gpu_structs! {
         count: u32,
         /// Invocations per row of the dispatch.
         per_row: u32,
-        /// Fainter light belongs to other sums, lx.
+        /// Fainter light belongs to other sums. Illuminance, lx.
         faintest_lx: f32,
-        /// Brighter light belongs to other sums, lx.
+        /// Brighter light belongs to other sums. Illuminance, lx.
         brightest_lx: f32,
         unused_0: u32,
         unused_1: u32,

@@ -1,5 +1,4 @@
-//! Bodies and points of light on the adapter: inputs of the geometry pass and of the point pass, and results for other
-//! techniques.
+//! Bodies and points of light on the adapter: the inputs of the geometry pass and of the point pass, and their results for other techniques.
 
 pub(crate) mod layout;
 pub(crate) mod points;
@@ -67,7 +66,7 @@ struct Textures {
     words: wgpu::Buffer,
 }
 
-/// Words of a texture: three channels of 10 bits that hold the square root; all levels, the finest first.
+/// Returns the words of a texture: three channels of 10 bits that hold the square root; all levels, the finest first.
 pub(super) fn texture_words(texture: &Texture) -> Vec<u32> {
     let mut words = Vec::new();
     let [mut width, mut height] = texture.size.map(|side| side as usize);
@@ -162,7 +161,7 @@ impl Bodies {
         self.textures.insert(held.unwrap_or_else(|| Textures::new(gpu, textures)))
     }
 
-    /// Points of light of a batch and their number; `None` if the batch has no points.
+    /// Returns the points of light of a batch and their number; `None` if the batch has no points.
     fn points_of(&self, batch: usize) -> Option<(&wgpu::Buffer, u32)> {
         let count = *self.point_counts.get(batch)?;
         self.point_buffers.get(batch)?.held().filter(|_| count > 0).map(|buffer| (buffer, count))
@@ -212,7 +211,7 @@ impl Bodies {
         let gpu = recording.gpu;
         let ranges = recording.frame.plan.stars.ranges;
         let share = recording.frame.plan.glare.share_in_sums();
-        // The limit of the faintest magnitude applies to stars only.
+        // The limit of the faintest magnitude applies only to stars.
         let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
         for (range, bright) in [(Some(main), false), (ranges.bright, true)] {
             let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
@@ -373,7 +372,7 @@ fn encode_sun(sun: &DiscSun, radii_m: DVec3) -> layout::BodySun {
         ..Default::default()
     };
     let Some(shadow) = sun.in_body.shadow else { return lit };
-    // In units of the body's size, f32 resolves its surface.
+    // In units of the body's size, f32 is precise enough for its surface.
     let unit_m = radii_m.max_element();
     layout::BodySun {
         occluder_radius: (shadow.radius_m / unit_m) as f32,

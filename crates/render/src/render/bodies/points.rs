@@ -1,6 +1,6 @@
 //! The point pass: splats points of light other than stars, like stars. Shader: `shaders/bodies/points.wgsl`.
 //!
-//! No twin: reference/stars/splat.rs: the same splat.
+//! No twin: reference/stars/splat.rs, which has the same splat.
 
 use crate::render::constants::workgroups::POINT_THREADS;
 use crate::{

@@ -12,11 +12,12 @@ gpu_structs! {
         light: DiffuseLight,
         /// The air in front of it.
         air: AirAbove,
-        /// Greatest error of the light between points, cd/m^2 of its pictures, times the square of the spacing of the roughness values, rad^2.
+        /// Greatest error of the light between points, in cd/m^2 as the pictures hold it, times the square of the spacing of the roughness values,
+        /// rad^2.
         most_rough: f32,
-        /// Number of entries from a point of the sum of diffuse light to the same point of its rough part; 0: that part is not needed.
+        /// Offset, in entries, from a point of the sum of diffuse light to the same point of its rough part; 0: that part is not needed.
         rough_points: u32,
-        /// Addition to `most_rough` per cd/m^2 of the light there, rad^2.
+        /// Added to `most_rough` for each cd/m^2 of the light there, rad^2.
         most_rough_per_cd_m2: f32,
         unused_0: u32,
     }

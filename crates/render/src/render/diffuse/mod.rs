@@ -1,5 +1,5 @@
-//! Diffuse light from the whole sky (`crate::catalogue::diffuse`), such as the Milky Way and the zodiacal light. Its
-//! pictures stay on the adapter, and the resolve pass adds the light from each pixel's direction to that of the stars.
+//! Diffuse light from the whole sky (`crate::catalogue::diffuse`), such as the Milky Way and the zodiacal light. Its pictures stay on the adapter. To
+//! the light of the stars in each pixel, the resolve pass adds the diffuse light from the direction of the pixel.
 //!
 //! Shader: `shaders/shared/diffuse_light.wgsl`.
 
@@ -43,7 +43,7 @@ impl Diffuse {
         }
     }
 
-    /// Whether the held texels belong to these skies.
+    /// Whether the stored texels belong to these skies.
     fn holds(&self, skies: &[&Arc<DiffuseSky>]) -> bool {
         let same = |(held, sky): (&Weak<DiffuseSky>, &&Arc<DiffuseSky>)| {
             held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, sky))
@@ -52,7 +52,7 @@ impl Diffuse {
     }
 }
 
-/// Layout of a map. Its unit excludes the light that glare takes away.
+/// Returns the layout of a map. Its unit is multiplied by the share of the light that glare does not scatter.
 fn map_of(sky: &DiffuseSky, plan: &Plan) -> SkyMap {
     let pictures = sky.pictures();
     SkyMap {

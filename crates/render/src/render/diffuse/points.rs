@@ -1,10 +1,9 @@
-//! The pass over the grid points of each picture. Most of the sky is smooth enough that a display image with an error
-//! budget can interpolate its light between grid points. The pass marks the other cells by the roughness stored in the
-//! map, and pixels in them read the light individually.
+//! The pass over the grid points of each picture. A display image with an error budget can interpolate light between grid points, because most of the
+//! sky is smooth enough. The pass marks the other cells by the roughness stored in the map, and pixels in them read the light individually.
 //!
 //! Shader: `shaders/diffuse/points.wgsl`.
 //!
-//! No twin: compared with exact display images: tests/gpu/diffuse.rs.
+//! No twin: tests/gpu/diffuse.rs compares display images with exact ones.
 
 use std::sync::OnceLock;
 
@@ -26,8 +25,8 @@ use crate::{
 const MOST_RAD: f64 = 0.0125;
 /// Maximum distance between grid points, pixels.
 const MOST_PX: u32 = 8;
-/// Roughness per budget that is allowed at the spacing to which the roughness values refer. Measurements show that the
-/// error of interpolated light is at most a third of the roughness, for both axes together.
+/// Allowed roughness, relative to the error budget, at the spacing to which the roughness values refer. Measurements show that the error of
+/// interpolated light is at most a third of the roughness, for both axes together.
 const ROUGHNESS_OF_BUDGET: f64 = 1.5;
 
 /// Pipeline of the pass.
@@ -35,12 +34,12 @@ pub(super) struct DiffusePoints {
     pipeline: OnceLock<wgpu::ComputePipeline>,
 }
 
-/// Spacing of the roughness values of a map, rad.
+/// Returns the spacing of the roughness values of a map, rad.
 fn roughness_spacing_rad(sky: Option<&DiffuseSky>) -> f64 {
     sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad())
 }
 
-/// Grids over the pictures of a plan, and their number of points.
+/// Returns the grids over the pictures of a plan, and their number of points.
 pub(super) fn grids(plan: &Plan, sky: Option<&DiffuseSky>) -> (Vec<PointGrid>, u32) {
     let most_rad = MOST_RAD.min(roughness_spacing_rad(sky));
     point_grids(plan, GridSpacing { most_rad, most_px: MOST_PX })
@@ -55,7 +54,8 @@ impl DiffusePoints {
         self.pipeline.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "diffuse/points").source()))
     }
 
-    /// Records the pass over the grids of all diffuse light and of its rough part for a plan whose light may have an error of `step_cd_m2`. Buffers: texels, roughness.
+    /// Records the pass over two grids: that of all diffuse light and that of its rough part. `step_cd_m2` is the error that the plan allows for the
+    /// light. Buffers: texels, roughness.
     pub(super) fn record(
         &self,
         recording: &mut Recording<'_>,

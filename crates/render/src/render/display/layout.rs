@@ -8,11 +8,11 @@ gpu_structs! {
     struct ResolveParameters {
         /// Lux per fixed-point unit.
         lx_per_unit: f32,
-        /// The same for the sums of the few brightest stars; 0: there are none.
+        /// The same for the separate sums of the few brightest stars; 0: there are no such sums.
         lx_per_bright_unit: f32,
         /// Display values per cd/m^2, if this pass writes the display image.
         display_per_cd_m2: f32,
-        /// Pixels of the batch: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch. It is the offset of the second plane, which holds blue and the solid angles.
         plane_pixels: u32,
         /// Tone mapping, if this pass writes the display image.
         shown: Display,
@@ -49,7 +49,7 @@ gpu_structs! {
     }
     /// Parameters of the tone-mapping pass.
     struct ToneMapParameters {
-        /// Pixels of the batch: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch. It is the offset of the second plane, which holds blue and the solid angles.
         plane_pixels: u32,
         unused_0: u32,
         unused_1: u32,
@@ -59,7 +59,7 @@ gpu_structs! {
     }
     /// Parameters of the present pass for one tile.
     struct PresentParameters {
-        /// Pixels of the batch: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch. It is the offset of the second plane, which holds blue and the solid angles.
         plane_pixels: u32,
         /// Index of the tile's first pixel in the batch.
         first_pixel: u32,

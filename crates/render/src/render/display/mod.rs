@@ -1,5 +1,5 @@
-//! From light to display images: the resolve pass, the exposure of all views, tone mapping, and the draw of images into
-//! textures of other owners, for example a headset's swapchain.
+//! From light to display images: the resolve pass, the exposure of all views, tone mapping, and the drawing of images into textures that other code
+//! owns, for example a headset's swapchain.
 //!
 //! No twin: photometry/exposure.rs, photometry/tone_map.rs.
 
@@ -139,8 +139,8 @@ impl Display {
     }
 }
 
-/// Which part of the HDR image of a batch is made. The flags say whether the display image, the HDR image for readback,
-/// and an HDR image that stays on the adapter are wanted.
+/// Returns which part of the HDR image of a batch is made. The flags say whether the display image, the HDR image for readback, and an HDR image that
+/// stays on the adapter are wanted.
 fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], resolves_to_display: bool) -> HdrImage {
     if is_scattered_after || hdr {
         HdrImage::Whole
@@ -152,8 +152,8 @@ fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], res
 }
 
 impl Technique for Display {
-    /// With metered exposure, the first frame is metered and later frames may use an adapted exposure. Without
-    /// scattering, the resolve pass then writes the display images. So both forms are created in advance.
+    /// With metered exposure, the first frame uses the metered value, and later frames may use an adapted exposure, which is known in advance. If no
+    /// light is scattered, the resolve pass then writes the display images. So both forms are created in advance.
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let Wish { gpu, objects, forecast, made, formats, .. } = *wish;
         let tone_map = &forecast.tone_map;
@@ -183,8 +183,8 @@ impl Technique for Display {
             let Wanted { display, hdr, hdr_stays, .. } = made;
             let resolves_to_display = forecast.resolves_to_display(known, veil);
             let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], resolves_to_display);
-            // Two forms are created by the first frame that needs them: the form with a map, which depends on the
-            // stars, and that of a moving camera.
+            // The first frame that needs one of these two forms creates it: the form with a map, which depends on the stars, and the form for a
+            // moving camera.
             let outputs = ResolveOutputs {
                 geometry: !objects.is_empty(),
                 air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),

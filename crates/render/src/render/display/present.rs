@@ -12,7 +12,7 @@ use crate::{
     render::display::layout,
 };
 
-/// Shader file that defines the written values.
+/// Returns the shader file that defines the written values.
 fn file_of(source: PresentSource) -> &'static str {
     match source {
         PresentSource::Codes => "display/present_codes",

@@ -19,7 +19,7 @@ use crate::{
     },
 };
 
-/// Runs of rows per invocation on this adapter.
+/// Returns the number of runs of rows per invocation on this adapter.
 fn runs(gpu: &Gpu) -> u32 {
     if gpu.software { SOFTWARE_RUNS } else { 1 }
 }
@@ -27,7 +27,7 @@ fn runs(gpu: &Gpu) -> u32 {
 /// Outputs and inputs of the resolve pass of a batch, compiled into its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ResolveOutputs {
-    /// Write luminance and solid angle over the sums.
+    /// Overwrite the sums with luminance and solid angle.
     pub hdr: bool,
     /// Write the display image.
     pub display: bool,
@@ -47,7 +47,7 @@ pub(crate) struct ResolveOutputs {
     pub plain: bool,
 }
 
-/// Runs of rows per invocation on a software driver, which spends a microsecond on each workgroup.
+/// Number of runs of rows per invocation on a software driver, which spends a microsecond on each workgroup.
 const SOFTWARE_RUNS: u32 = 4;
 
 /// Pipelines of the resolve pass.
@@ -64,12 +64,12 @@ pub(crate) struct ResolvePass {
     no_display: wgpu::Buffer,
 }
 
-/// Part of the HDR image that is made.
+/// Which part of the HDR image is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum HdrImage {
     /// No part.
     None,
-    /// Lit pixels only. The second plane of a dark pixel may contain data of another frame.
+    /// Only the lit pixels. The second plane of a dark pixel may contain data of another frame.
     Lit,
     /// Every pixel, with its solid angle.
     Whole,
@@ -89,7 +89,7 @@ pub(crate) struct ResolveInputs<'a> {
 }
 
 impl ResolveOutputs {
-    /// Outputs for a part of the HDR image, with no light added to the sums.
+    /// Returns the outputs for a part of the HDR image, if no light is added to the sums.
     pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
         let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
         Self { hdr, dark, display, geometry: false, veil: false, sky: false, air: false, moves: false, plain: false }

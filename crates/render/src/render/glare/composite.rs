@@ -16,7 +16,7 @@ use crate::{
 /// Source of the scattered light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GlareSource {
-    /// On the sky: a map of the whole sky, plus the brightest sources individually.
+    /// On the sky: a map of the whole sky, and the brightest sources individually.
     Sky,
     /// In the picture: a pyramid of blurred images.
     Pyramid,
@@ -35,7 +35,7 @@ impl GlareSource {
 #[derive(Clone)]
 pub(crate) struct GlareCompositePass {
     pipeline: wgpu::ComputePipeline,
-    /// Row runs per workgroup.
+    /// Number of row runs per workgroup.
     row_groups: u32,
     /// Whether its shader uses the projection.
     projects: bool,

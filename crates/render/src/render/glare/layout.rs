@@ -8,7 +8,7 @@ gpu_structs! {
     struct GlareParameters {
         /// Fraction of the light that is scattered.
         fraction: f32,
-        /// Pixels of the batch: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch. It is the offset of the second plane, which holds blue and the solid angles.
         plane_pixels: u32,
         unused_0: u32,
         unused_1: u32,
@@ -30,7 +30,7 @@ gpu_structs! {
         coarser_cells: u32,
         /// Squared chord at which the kernel ends.
         end_squared: f32,
-        /// Sine of the angle from the centre of a workgroup's points beyond which the kernel has ended for all of them; 2: no such angle.
+        /// Sine of the angle from the centre of a workgroup's points beyond which the kernel is zero for all of them; 2: no such angle.
         group_end_sine: f32,
         /// Entries of the table per unit of a squared chord.
         entries: f32,
@@ -83,7 +83,7 @@ gpu_structs! {
     }
     /// Glare parameters of a viewport.
     struct GlareView {
-        /// The kernel inside the chord of `core_squared`: coefficients of 1, u and u^2, 1/sr. u is the squared chord over `core_squared`.
+        /// The kernel inside the chord of `core_squared`: coefficients of 1, u and u^2, 1/sr. u is the squared chord divided by `core_squared`.
         core: [f32; 3],
         /// Square of the chord at which the core ends.
         core_squared: f32,
@@ -91,9 +91,9 @@ gpu_structs! {
         greatest_inverse: f32,
         /// Index of the first point of the view's map.
         first_point: u32,
-        /// Index of the first source of this eye alone.
+        /// Index of the first source that only this eye has.
         first_near: u32,
-        /// Number of sources of this eye alone.
+        /// Number of sources that only this eye has.
         near_count: u32,
     }
     /// Parameters of finding and drawing sprites.
@@ -144,7 +144,7 @@ gpu_structs! {
     struct NearPointParameters {
         /// Fraction of the light that is scattered.
         fraction: f32,
-        /// Distance from a source within which its glare is too steep for interpolation, spacings of the grid.
+        /// Distance from a source, in grid spacings, within which its glare is too steep for interpolation.
         spacings_beside: f32,
         unused_0: u32,
         unused_1: u32,
@@ -190,7 +190,7 @@ gpu_structs! {
     }
     /// Parameters of the search for the brightest channel of a frame.
     struct GlareMaximumParameters {
-        /// Pixels of the batch: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch. It is the offset of the second plane, which holds blue and the solid angles.
         plane_pixels: u32,
         unused_0: u32,
         unused_1: u32,
@@ -202,7 +202,7 @@ gpu_structs! {
         upper: Tile,
         /// The tile of the lower pixels: the next tile, or the same.
         lower: Tile,
-        /// Pixels of the batch of `upper`: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch of `upper`. It is the offset of the second plane, which holds blue and the solid angles.
         upper_plane_pixels: u32,
         /// The same for `lower`.
         lower_plane_pixels: u32,
@@ -228,7 +228,7 @@ gpu_structs! {
     struct GlareCombineParameters {
         /// Weight of level 0.
         first_weight: f32,
-        /// Weight of each level over that of the level before.
+        /// Weight of each level relative to that of the previous level.
         ratio: f32,
         /// Number of levels.
         levels: u32,

@@ -1,5 +1,5 @@
-//! Glare: when the pixels of every batch hold their complete picture, scattered light is added, either from a map of
-//! the whole sky and its brightest sources (`sky_cube`) or from a pyramid of blurred pictures as published (`pyramid`).
+//! Glare: when the pictures of all batches are complete, scattered light is added to their pixels, either from a map of the whole sky and its
+//! brightest sources (`sky_cube`) or from a pyramid of blurred pictures as published (`pyramid`).
 
 mod composite;
 pub(crate) mod layout;
@@ -45,7 +45,7 @@ impl Technique for Glare {
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        // The frame that reads a map of faint light needs the held data; the pictures of the map have no glare.
+        // A frame that reads a map of faint light needs the stored data; the pictures of the map have no glare.
         if frame.plan.smooth_light.part.is_some() {
             return;
         }

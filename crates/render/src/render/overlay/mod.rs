@@ -1,5 +1,5 @@
-//! Overlays: lines and text drawn over display images after tone mapping. HDR images do not contain them, and neither
-//! do textures that hold light instead of display codes.
+//! Overlays: lines and text drawn over display images after tone mapping. They are not drawn onto HDR images, or onto textures that contain light
+//! instead of display codes.
 //!
 //! The plan (`crate::plan::overlay`) holds the items in pixels and the blocks of pixels that they touch. It is uploaded
 //! when it differs from the plan of the last frame; an unchanged plan creates and uploads nothing.
@@ -69,7 +69,7 @@ impl Overlay {
     }
 }
 
-/// Blocks of a batch. A block shared by two tiles is listed twice.
+/// Returns the blocks of a batch. A block shared by two tiles is listed twice.
 fn blocks_of(plan: &OverlayPlan, batch: &crate::plan::tiles::Batch) -> Vec<layout::OverlayBlock> {
     let mut blocks = Vec::new();
     for (number, tile) in batch.tiles.iter().enumerate() {

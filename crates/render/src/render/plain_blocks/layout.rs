@@ -16,9 +16,9 @@ gpu_structs! {
         faint_map: SkyMap,
         /// Display values per cd/m^2.
         display_per_cd_m2: f32,
-        /// Greatest error of interpolated light: of display images in codes of 8 bits, of HDR images relative to the luminance.
+        /// Greatest error of interpolated light: in 8-bit codes for display images, relative to the luminance for HDR images.
         most_error: f32,
-        /// HDR images: error of interpolated light that is always allowed, cd/m^2.
+        /// Error of interpolated light that is always allowed in HDR images, cd/m^2.
         floor_cd_m2: f32,
         /// Relative error of the inverse solid angle that a plain block may have.
         most_solid_angle_error: f32,

@@ -3,7 +3,7 @@
 //!
 //! Shaders: `shaders/plain_blocks/`.
 //!
-//! No twin: compared with exact display images: tests/gpu/display_poses.rs.
+//! No twin: tests/gpu/display_poses.rs compares display images with exact ones.
 
 pub(crate) mod layout;
 
@@ -53,7 +53,7 @@ impl PlainBlocks {
         self.gather.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "plain_blocks/gather").source()))
     }
 
-    /// Pipeline that judges display images with this tone mapping, or HDR images.
+    /// Returns the pipeline that judges display images with this tone mapping, or HDR images.
     fn mark(&self, gpu: &Gpu, tone_map: Option<&ToneMapSettings>) -> wgpu::ComputePipeline {
         let variant = tone_map.map(DisplayVariant::from_settings);
         self.mark.get(variant, || {
@@ -137,7 +137,7 @@ impl Technique for PlainBlocks {
         let Some(PlainGrids { grids, own, list }) = recording.targets.plain.clone() else { return };
         let points = recording.targets.grid_points(gpu);
         let tone_map = &plan.display.tone_map;
-        // The error that a block may have, and the form that judges it.
+        // Returns the error that a block may have, and the form that judges it.
         let (most_error, floor_cd_m2, white_cd_m2, judged) = match (plain.budget, plan.exposure.known_ev100) {
             (ErrorBudget::Hdr { relative, floor_cd_m2 }, _) => (relative, floor_cd_m2, 1.0, None),
             (ErrorBudget::Codes(codes), Some(ev100)) => (codes, 0.0, white_luminance_cd_m2(ev100), Some(tone_map)),

@@ -5,7 +5,7 @@ use crate::gpu::gpu_structs;
 gpu_structs! {
     /// Parameters of the pass that stores pictures as texels.
     struct PackParameters {
-        /// Pixels of the batch: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch. It is the offset of the second plane, which holds blue and the solid angles.
         plane_pixels: u32,
         /// Texel units per cd/m^2.
         units_per_cd_m2: f32,

@@ -3,7 +3,7 @@
 //!
 //! Shaders: `shaders/smooth_light/`, `shaders/shared/sky_map.wgsl`, `shaders/shared/sky_pieces.wgsl`.
 //!
-//! No twin: compared with frames that draw every star: tests/gpu/smooth_light.rs.
+//! No twin: tests/gpu/smooth_light.rs compares frames with those that draw every star.
 
 pub(crate) mod layout;
 mod pieces;
@@ -233,7 +233,7 @@ impl Technique for SmoothLight {
     }
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
-        // Pack the pictures after the resolve pass of the same phase, which comes earlier in the order of techniques.
+        // This phase packs the pictures after the resolve pass, which comes earlier in the order of techniques.
         if let (Phase::Resolve(batch), Some(part)) = (phase, recording.frame.plan.smooth_light.part) {
             self.pack(recording, &part, batch);
         }
@@ -244,9 +244,9 @@ impl Technique for SmoothLight {
     }
 }
 
-/// Whether the stars that were missing are in memory now. If not, requests them again.
+/// Whether the stars that were missing are in memory now. If they are not, this requests them again.
 fn are_read(scene: &SceneSnapshot, lack: &Lack) -> bool {
-    // Without keys, the missing stars do not fit into the memory.
+    // If there are no keys, the missing stars do not fit into the memory.
     let Some(sky) = scene.stars.deep.as_ref().filter(|_| !lack.keys.is_empty()) else { return false };
     let absent = lack.keys.iter().zip(sky.pages_of(&lack.keys)).filter(|(_, page)| page.is_none());
     let wants: Vec<_> = absent.map(|(key, _)| (*key, lack.residual.cd_m2)).collect();

@@ -1,4 +1,4 @@
-//! Selects the pieces of a map that are drawn, and the places of their texels in its buffer.
+//! Selects the pieces of a map that are drawn, and the places of their texels in the map's buffer.
 //!
 //! No shader: places in a buffer, which `shaders/shared/sky_pieces.wgsl` reads.
 //! No twin: places in a buffer.
@@ -16,9 +16,10 @@ use crate::plan::{
     stars::deep::{Lack, Residual},
 };
 
-/// Number of frames over which all pieces that could be better are drawn again: while a view rests, and while it moves.
+/// Number of frames over which all pieces that could be better are drawn again: first while a view rests, then while it moves.
 const FRAMES_OF_IMPROVEMENT: [usize; 2] = [16, 64];
-/// While a view moves, at most one of the pieces whose level is off by less than this is drawn again in a frame: most pieces leave the view sooner.
+/// While a view moves, at most one of the pieces whose level is wrong by less than this is drawn again in a frame, because most of them soon leave
+/// the view.
 const LEVELS_IN_MOTION: f32 = 3.0;
 /// Least number of words for pieces, unless the buffer must be smaller.
 const LEAST_WORDS: u64 = 10_000_000;
@@ -56,7 +57,7 @@ impl Pieces {
         Self { grid, words, free, held: HashMap::new(), last_read: Vec::new(), frame: 0 }
     }
 
-    /// Bytes of the buffer.
+    /// Returns the size of the buffer, bytes.
     pub(super) fn bytes(&self) -> u64 {
         4 * u64::from(self.words)
     }
@@ -66,8 +67,8 @@ impl Pieces {
         words_needed(&self.grid, read) <= self.words.into()
     }
 
-    /// Records the pieces that a frame reads, and returns those to draw: absent ones, then some of those whose missing stars have been read by now
-    /// (`are_read`). A piece whose texels have a very different size counts as absent. Pieces whose texels have another size are also drawn again.
+    /// Records the pieces that a frame reads, and returns those that must be drawn: all absent ones, and some of those whose missing stars have been
+    /// read by now (`are_read`) or whose texels have another size. A piece whose texels have a very different size counts as absent.
     pub(super) fn missing(
         &mut self,
         read: &[WantedPicture],
@@ -77,7 +78,7 @@ impl Pieces {
         let moves = self.last_read != read;
         self.last_read = read.to_vec();
         let mut absent = Vec::new();
-        // Pieces that could be better, each with the number of levels by which it is off; those that lacked stars come first.
+        // Pieces that could be better, each with the number of levels by which it is wrong; those that lacked stars come first.
         let mut improved: Vec<(f32, SkyPicture)> = Vec::new();
         for wanted in read {
             match self.held.get_mut(&wanted.number) {
@@ -108,7 +109,7 @@ impl Pieces {
         read.iter().all(|wanted| self.held.get(&wanted.number).is_some_and(|piece| wanted.accepts(piece.level)))
     }
 
-    /// Error and number of the pages that these pieces lack.
+    /// Returns the error that missing pages cause in these pieces, and the number of these pages.
     pub(super) fn lack(&self, read: &[WantedPicture]) -> Residual {
         let mut all = Residual::default();
         read.iter()
@@ -117,8 +118,9 @@ impl Pieces {
         all
     }
 
-    /// Gives a piece that is about to be drawn a place. Returns its first word, and the pieces that lost their places: first those that were not read
-    /// for the longest time, until there is room; if the free words are too fragmented, also some that are read.
+    /// Gives a piece that is about to be drawn a place. Returns its first word, and the pieces that lost their places. Pieces that were not read for
+    /// the longest time lose their places first, until there is room. If the free words are too fragmented, some pieces that are being read lose
+    /// theirs.
     pub(super) fn draw(&mut self, picture: SkyPicture, lack: Option<Lack>) -> (u32, Vec<u32>) {
         let SkyPicture { number, level } = picture;
         self.release(number);
@@ -149,12 +151,12 @@ impl Pieces {
         }
     }
 
-    /// The neighbouring pieces with the fewest words that leave room for `length` words if they lose their places.
+    /// Returns the neighbouring pieces with the fewest words that leave room for `length` words if they lose their places.
     fn in_the_way(&self, length: u32) -> Vec<u32> {
         let mut held: Vec<(u32, &Range<u32>)> =
             self.held.iter().map(|(number, piece)| (*number, &piece.words)).collect();
         held.sort_by_key(|(_, words)| words.start);
-        // The pieces that must be removed from `first` on, with their total number of words.
+        // Returns the pieces that must be removed from `first` on, with their total number of words.
         let from = |first: usize| {
             let start = first.checked_sub(1).map_or(self.grid.pieces(), |before| held[before].1.end);
             let end = |next: usize| held.get(next).map_or(self.words, |(_, words)| words.start);
@@ -166,9 +168,9 @@ impl Pieces {
         best.map_or_else(Vec::new, |(_, leaving)| leaving.iter().map(|(number, _)| *number).collect())
     }
 
-    /// Width of a piece's picture, texels, and the words before its texels. These are four words for each axis of the picture (right and down, in
-    /// texels, and outwards): a vector in world axes and a fourth word. The fourth words are the two coordinates of the centre, measured from the
-    /// centre of the first texel, and the width.
+    /// Returns the width of a piece's picture, texels, and the words before its texels. These are four words for each axis of the picture (right and
+    /// down, in texels, and outwards): a vector in world axes and a fourth word. The three fourth words are the two coordinates of the centre,
+    /// measured from the centre of the first texel, and the width.
     pub(super) fn words(&self, picture: SkyPicture) -> (u32, [u32; PIECE_WORDS as usize]) {
         let PieceFrame { world_from_piece, size: [width, height], texel } = self.grid.frame(picture);
         let per_texel = 1.0 / texel;
@@ -211,7 +213,7 @@ mod tests {
     #[test]
     fn the_pieces_that_were_not_read_for_the_longest_time_lose_their_places() {
         let grid = PieceGrid::of_texels(1e-2).unwrap();
-        // All pieces of a grid of one piece along an edge have the same size.
+        // In a grid with one piece along an edge, all pieces have the same size.
         let (first, size) = (grid.pieces(), piece_words(&grid, finest(1)));
         let places = [first, first + size, first + 2 * size];
         let mut pieces = Pieces::new(grid, &wanted(&[1]), 4 * u64::from(first + 3 * size));
@@ -242,7 +244,7 @@ mod tests {
         let small = at(16.0, [1, 2, 3]);
         draw_all(&mut pieces, &small);
         assert!(pieces.are_drawn(&small));
-        // Two large pieces fit after the one that is no longer read was removed.
+        // Two large pieces fit after the piece that is no longer read was removed.
         let large = at(0.0, [1, 4, 3]);
         let lost: Vec<u32> = draw_all(&mut pieces, &large[..2]).into_iter().flat_map(|(_, lost)| lost).collect();
         assert!(lost.iter().all(|number| [2, 3].contains(number)), "{lost:?}");
@@ -302,12 +304,12 @@ mod tests {
             drawn.len()
         };
         assert_eq!(draw_all(&mut pieces, &at(8.0, 256)), 256);
-        // While the view moves: all pieces are a little off, then far off, then too far.
+        // While the view moves, the levels of all pieces are first slightly wrong, then clearly wrong, then unacceptable.
         assert_eq!(draw_all(&mut pieces, &at(9.0, 256)), 1);
         assert_eq!(draw_all(&mut pieces, &at(11.5, 256)), 4);
         assert_eq!(draw_all(&mut pieces, &at(14.5, 256)), 251 + 1);
         assert_eq!(draw_all(&mut pieces, &at(16.0, 256)), 4);
-        // While the view rests, those that are a little off follow, too.
+        // While the view rests, pieces whose level is slightly wrong are drawn again too.
         assert_eq!(draw_all(&mut pieces, &at(16.0, 256)), 16);
     }
 }

@@ -1,9 +1,8 @@
 //! Stars of a scene in the form that the published methods read: all stars, five numbers each, in the order of a
 //! catalogue.
 //!
-//! The default order is by right ascension, like the numbers of the Bright Star, Henry Draper and Hipparcos catalogues:
-//! consecutive stars are in one strip of the sky from pole to pole. Another order can be requested to examine its
-//! influence.
+//! The default order is by right ascension, like the numbers of the Bright Star, Henry Draper and Hipparcos catalogues: consecutive stars lie in one
+//! narrow strip of the sky from pole to pole. Another order can be requested to examine its influence.
 //!
 //! No shader: holds buffers.
 //! No twin: holds buffers.

@@ -40,7 +40,7 @@ pub(crate) struct StarDraw<'a> {
     pub from_pages: bool,
 }
 
-/// Bind group of stars and their items, the same for every pass over items.
+/// Returns the bind group of stars and their items, the same for every pass over items.
 pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &StarDraw<'_>) -> wgpu::BindGroup {
     let items = wgpu::BufferBinding {
         buffer: draw.items,
@@ -74,7 +74,7 @@ pub(super) struct ItemRun {
 }
 
 impl ItemRun {
-    /// Draws it from the stars of its source and the items of its batch.
+    /// Draws this run, from the stars of its source and the items of its batch.
     pub(super) fn draw<'a>(&self, stars: &'a wgpu::Buffer, items: &'a wgpu::Buffer) -> StarDraw<'a> {
         StarDraw {
             stars,
@@ -95,7 +95,7 @@ pub(super) struct Items {
     pub near: Vec<PackedStar>,
 }
 
-/// Up to this number of stars, items of a shuffled order hold one star each, so that every order is possible.
+/// If there are at most this many stars, each item of a shuffled order holds one star, so that every order is possible.
 const SINGLE_STARS: u64 = 1 << 16;
 
 /// Builds the items of a frame. With a seed the items are shuffled; each holds a single star, or many stars if more
@@ -161,7 +161,7 @@ pub(super) fn build_items(
     Items { items, runs, near }
 }
 
-/// The tiles of a set of viewports in a batch.
+/// Returns the tiles of a set of viewports in a batch.
 fn tiles_of(batch: &Batch) -> impl Fn(u64) -> u32 + use<> {
     let mut tiles_of_viewport = [0_u32; 64];
     for (index, tile) in batch.tiles.iter().enumerate() {
@@ -212,7 +212,7 @@ pub(super) fn push_pages(
     }
 }
 
-/// Number of the first star of a page, from which rounding derives. It depends only on the leaf or tile.
+/// Returns the number of the first star of a page. The rounding of stars derives from it. It depends only on the leaf or tile.
 fn first_number(key: PageKey) -> u32 {
     let part = match key {
         PageKey::Leaf { layer, .. } => u32::from(layer),

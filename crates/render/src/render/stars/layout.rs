@@ -25,7 +25,7 @@ gpu_structs! {
         direction: [f32; 3],
         /// Lorentz factor.
         gamma: f32,
-        /// Lorentz factor times speed over the speed of light; 0 at rest.
+        /// Lorentz factor times the speed in units of the speed of light; 0 at rest.
         gamma_beta: f32,
         /// Doppler factor straight behind: gamma * (1 - beta).
         doppler_behind: f32,
@@ -111,16 +111,16 @@ gpu_structs! {
         half_width_rad: f32,
         /// `psf_texture`: angle of a texel, rad.
         texel_rad: f32,
-        /// Half the angle that a star of 1 lx is cropped to; scales with the square root of illuminance, rad per sqrt(lx).
+        /// Half the angle to which a star of 1 lx is cropped, rad per sqrt(lx). The angle is proportional to the square root of illuminance.
         crop_rad: f32,
         /// Smallest such angle, rad.
         least_crop_rad: f32,
-        /// Added to the squared angle that divides the stored function, rad^2.
+        /// Added to the squared angle by which the stored function is divided, rad^2.
         softening_rad2: f32,
     }
     /// Parameters of the published rasteriser on culled stars.
     struct PackedParameters {
-        /// Fainter stars are not drawn, lx.
+        /// Illuminance below which stars are not drawn, lx.
         faintest_lx: f32,
         /// Number of items.
         item_count: u32,
@@ -130,7 +130,7 @@ gpu_structs! {
     }
     /// Parameters of the resolve pass of methods that write luminance.
     struct LuminanceParameters {
-        /// Pixels of the batch: offset of the plane of B and solid angles.
+        /// Number of pixels of the batch. It is the offset of the second plane, which holds blue and the solid angles.
         plane_pixels: u32,
         /// cd/m^2 per unit of the method's result.
         scale: f32,

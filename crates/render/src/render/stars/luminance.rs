@@ -1,7 +1,7 @@
-//! The resolve pass of methods that output luminance instead of illuminance: writes the luminance and the solid angle
-//! of each pixel to where the exposure and tone-mapping passes read them. Shader: `shaders/stars/luminance.wgsl`.
+//! The resolve pass of methods that output luminance instead of illuminance: writes the luminance and the solid angle of each pixel to the buffer
+//! that the exposure and tone-mapping passes read. Shader: `shaders/stars/luminance.wgsl`.
 //!
-//! No twin: no division: the twins of the methods return luminance.
+//! No twin: the twins of the methods return luminance, so there is no division.
 
 use crate::render::shader::Shader;
 use crate::{

@@ -1,6 +1,6 @@
-//! Stars. The default method splats the result of culling in fixed point (`splat`). The published methods output
-//! luminance, most of them from all stars in the order of the catalogue (`packed`, `billboards`, `cell_sky`); a
-//! separate resolve pass brings it to where the other passes read it (`luminance`).
+//! Stars. The default method splats the result of culling in fixed point (`splat`). The published methods output luminance, most of them from all
+//! stars in the order of the catalogue (`packed`, `billboards`, `cell_sky`); a separate resolve pass writes it to the buffers that the other passes
+//! read (`luminance`).
 
 mod billboards;
 mod buffers;
@@ -77,7 +77,7 @@ impl Stars {
         }
     }
 
-    /// Star buffers to which the items of the frame refer.
+    /// Returns the star buffers to which the items of the frame refer.
     fn drawn(&self) -> Option<&StarBuffers> {
         if self.reads_map { self.beside_map.as_ref() } else { self.held.as_ref() }
     }
@@ -142,7 +142,7 @@ impl Technique for Stars {
         let Holding { gpu, scene, methods, catalogue_order: order, .. } = *holding;
         let (method, set) = (methods.stars, &scene.stars);
         if method.reads_catalogue() && self.catalogue.as_ref().is_none_or(|catalogue| !catalogue.holds(set, order)) {
-            // Drop the old buffers before their successors are made, so that both never exist at once.
+            // Drop the old buffers before the new ones are made, so that both never exist at once.
             self.catalogue = None;
             self.catalogue = Some(CatalogueBuffers::new(gpu, set.clone(), order));
         }

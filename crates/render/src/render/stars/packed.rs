@@ -1,5 +1,4 @@
-//! The published rasteriser: packs luminance and temperature into one word as two half floats, updated by
-//! compare-exchange.
+//! The published rasteriser: packs luminance and temperature into one word as two half floats, and updates it by compare-exchange.
 //!
 //! Shaders: `shaders/stars/packed.wgsl` (every star of the catalogue, once per view) and
 //! `shaders/stars/packed_sorted.wgsl` (culled and sorted stars). The f64 twin is `crate::reference::stars::packed`.
@@ -38,7 +37,7 @@ pub(super) struct PackedFrame<'a> {
     pub faintest_lx: f64,
     /// Number of tiles of the batch.
     pub tiles: u32,
-    /// Draws left by culling.
+    /// Draws that culling left.
     pub visible: &'a [StarDraw<'a>],
     /// All stars, to draw instead of `visible`.
     pub catalogue: Option<&'a CatalogueBuffers>,

@@ -123,7 +123,8 @@ impl PageBuffers {
         PagePlace { segment: self.segments.len() - 1, first }
     }
 
-    /// Removes the pages that were not drawn for the longest time until this number of stars fits next to the rest. Pages of this frame stay.
+    /// Removes the pages that were not drawn for the longest time, until this number of stars fits in addition to the remaining pages. Pages of this
+    /// frame stay.
     fn make_room(&mut self, stars: u64, limit: u64) {
         let mut held: u64 = self.held.values().map(|held| u64::from(held.count)).sum();
         if held + stars <= limit {
@@ -146,7 +147,7 @@ impl PageBuffers {
         &self.segments[segment].buffer
     }
 
-    /// Number of buffers.
+    /// Returns the number of buffers.
     pub(super) fn segments(&self) -> usize {
         self.segments.len()
     }

@@ -28,8 +28,8 @@ pub(crate) struct StarPass {
     colours: wgpu::Buffer,
 }
 
-/// Table of colours with Y = 1 and of the logarithm of the luminance, for all temperature steps: first those from 0 on,
-/// then the negative ones, which only a moving camera uses.
+/// Returns the table of colours with Y = 1 and of the logarithm of the luminance, for all temperature steps. The steps from 0 on come first, then the
+/// negative ones, which only a moving camera uses.
 fn colour_table() -> Vec<[f32; 4]> {
     let above = (TABLE_STEPS as u32 - SHIFTED_STEPS) as i32;
     (0..above)
@@ -73,7 +73,7 @@ impl StarPass {
         self.pipelines.get([has_geometry, from_pages], || star_pipeline(gpu, has_geometry, from_pages))
     }
 
-    /// Colours with luminance 1 for every temperature step.
+    /// Returns the colours with luminance 1 for every temperature step.
     pub(crate) fn colours(&self) -> &wgpu::Buffer {
         &self.colours
     }
@@ -91,7 +91,8 @@ impl StarPass {
         let occlusion = &sums.occlusion;
         let units_per_lx = range.units_per_lx * plan.glare.share_in_sums();
         let mut of_pages = None;
-        // Limits for stars of pages: a map that the frame reads contains those below `read_lx`; a picture of the map draws those below `drawn_lx`.
+        // Limits for stars of pages: a map that the frame reads contains the stars below `read_lx`; a picture of the map draws the stars below
+        // `drawn_lx`.
         let SmoothLightPlan { map, part } = &plan.smooth_light;
         let read_lx = map.as_ref().map(|sky| sky.map.below_lx);
         let drawn_lx = part.as_ref().map(|part| part.map.below_lx);

@@ -1,7 +1,7 @@
-//! Leaves of a deep store that do not fit into the memory together: read, uploaded and drawn in turns.
+//! Leaves of a deep store that do not fit into the memory together. They are read, uploaded and drawn in turns.
 //!
 //! No shader: the star pass draws them.
-//! No twin: that of the star pass has all stars.
+//! No twin: the twin of the star pass has all stars.
 
 use rayon::prelude::*;
 
@@ -33,7 +33,7 @@ pub(super) struct StreamedPages {
     problem: Option<String>,
 }
 
-/// Divides leaves into turns of at most this number of bytes, or of a single leaf.
+/// Divides leaves into turns. A turn has at most this number of bytes, or a single leaf.
 fn turns(sky: &DeepSky, keys: &[(PageKey, u64)], most_bytes: u64) -> Vec<Vec<(PageKey, u64)>> {
     let mut turns: Vec<Vec<(PageKey, u64)>> = Vec::new();
     let mut bytes = u64::MAX;
@@ -64,7 +64,7 @@ impl StreamedPages {
         self.problem.clone().map_or(Ok(()), |problem| Err(PlanError::DeepDamaged(problem).into()))
     }
 
-    /// Draws the leaves of a plan into the sums of a batch. Everything that was recorded before is submitted.
+    /// Draws the leaves of a plan into the sums of a batch. Everything that was recorded earlier is submitted.
     pub(super) fn record(&mut self, recording: &mut Recording<'_>, batch: usize, pass: &StarPass) {
         let deep = &recording.frame.plan.stars.deep;
         let Some(sky) = deep.sky.as_ref().filter(|_| !deep.streamed.is_empty()) else { return };

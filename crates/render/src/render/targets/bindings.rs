@@ -8,7 +8,7 @@ use crate::{
 /// Surfaces of bodies and asteroids that hide lights behind them: see `shaders/shared/occlusion.wgsl`.
 #[derive(Clone, Copy)]
 pub(crate) struct Occlusion<'a> {
-    /// Whether there are surfaces; if not, the buffers are placeholders.
+    /// Whether there are surfaces. If not, the buffers are placeholders.
     pub present: bool,
     /// Result of the geometry pass for the pixels of the batch.
     pub geometry: &'a wgpu::Buffer,
@@ -40,7 +40,7 @@ pub(crate) struct PictureTarget<'a> {
     pub plane_pixels: u32,
 }
 
-/// Bind group 2 of every splatting pass: the surfaces that hide stars.
+/// Returns the bind group 2 of every splatting pass: the surfaces that hide stars.
 pub(crate) fn bind_occlusion(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -55,13 +55,13 @@ pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
     splatting_shader(gpu, file).source()
 }
 
-/// The same, not yet composed.
+/// The same shader, not yet joined with its imports.
 pub(crate) fn splatting_shader(gpu: &Gpu, file: &str) -> Shader {
     let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
     projecting(gpu, file).with("accumulate", accumulate)
 }
 
-/// Bind group 0 of every pass that splats in fixed point: parameters, sums, and `others`.
+/// Returns the bind group 0 of every pass that splats in fixed point: parameters, sums, and `others`.
 pub(crate) fn bind_sums(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -80,7 +80,7 @@ pub(crate) fn bind_sums(
     bind_buffers(gpu, pipeline, 0, &[&sum_bindings[..], others].concat())
 }
 
-/// Bind group 0 of every pass over luminance pictures: parameters and picture.
+/// Returns the bind group 0 of every pass over luminance pictures: parameters and picture.
 pub(crate) fn bind_picture(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,

@@ -1,13 +1,12 @@
 //! Shapes from glTF 2.0 files (.glb, or .gltf with embedded or external buffers).
 //!
-//! A file is one shape. The triangles of all meshes of its scene, transformed by their nodes, form one surface;
-//! vertices at the same position are merged. The surface must be closed, because inertia, silhouette and impostors need
-//! an inside. Normals are computed, those of the file are ignored. Materials are ignored too: the albedo varies with
-//! the luminance of the vertex colour (`COLOR_0`), if there is one.
+//! A file is one shape. The triangles of all meshes of its scene, transformed by their nodes, form one surface; vertices at the same position are
+//! merged. The surface must be closed, because inertia, silhouette and impostors need an inside. Normals are computed; those in the file are ignored.
+//! Materials are ignored too: the albedo varies with the luminance of the vertex colour (`COLOR_0`), if there is one.
 //!
-//! Nodes or meshes with names that end in `_LOD0`, `_LOD1` and so on are the levels of detail, finest first. Without
-//! such names, the whole surface is the finest level, and coarser levels are generated, down to the last entry of
-//! [`LEVEL_TRIANGLES`], or, for a mesh with fewer triangles than the first entry, down to the same fraction of it.
+//! Nodes or meshes with names that end in `_LOD0`, `_LOD1` and so on are the levels of detail, finest first. Without such names, the whole surface is
+//! the finest level, and coarser levels are generated, down to the last entry of [`LEVEL_TRIANGLES`]. If a mesh has fewer triangles than the first
+//! entry, the last entry is reduced in proportion.
 
 mod accessors;
 
@@ -33,8 +32,8 @@ use crate::{files, photometry::rec709};
 
 /// Maximum number of triangles of a level of detail.
 pub const MOST_TRIANGLES: usize = 500_000;
-/// Maximum number of vertices and corners of all levels together: that of [`MOST_LEVELS`] levels whose triangles share
-/// no vertices, each with half as many triangles as the one before.
+/// Maximum number of vertices and corners of all levels together. It suffices for [`MOST_LEVELS`] levels whose triangles share no vertices, if each
+/// level has half as many triangles as the one before.
 const MOST_CORNERS: usize = 2 * 2 * 3 * MOST_TRIANGLES;
 /// Maximum number of levels of detail of a shape.
 pub const MOST_LEVELS: usize = 8;
@@ -193,7 +192,7 @@ fn validated(document: Document) -> Result<Document, MeshProblem> {
     Ok(Document::from_json(root)?)
 }
 
-/// Triangle counts of the levels below one of `finest` triangles: a geometric series, each count smaller than the one
+/// Triangle counts of the levels that are coarser than a level of `finest` triangles: a geometric series in which each count is smaller than the one
 /// before.
 fn coarser_targets(finest: usize) -> Vec<usize> {
     let [most, .., least] = LEVEL_TRIANGLES;
@@ -214,7 +213,7 @@ fn level_in(name: Option<&str>) -> Option<usize> {
 
 struct Reader {
     buffers: Vec<Vec<u8>>,
-    /// By level of detail; `None`: the name has no level.
+    /// Surfaces by level of detail; `None`: the name has no level.
     levels: BTreeMap<Option<usize>, Welder>,
     seen: HashSet<usize>,
     /// Vertices and corners of all primitives so far: a mesh counts once for every node that uses it.
@@ -222,7 +221,7 @@ struct Reader {
 }
 
 impl Reader {
-    /// Reads all nodes of the default scene; without one, of the first scene; without any, all nodes that are not
+    /// Reads all nodes of the default scene, or of the first scene if there is no default. If there is no scene, it reads all nodes that are not
     /// children.
     fn document(&mut self, document: &Document) -> Result<(), MeshProblem> {
         if let Some(scene) = document.default_scene().or(document.scenes().next()) {
@@ -391,7 +390,7 @@ impl Welder {
         }
     }
 
-    /// Returns the surface if it is a valid shape, else the problem.
+    /// Returns the surface if it is a valid shape, otherwise the problem.
     fn closed(self) -> Result<Solid, String> {
         let mut solid = self.solid;
         let triangles = solid.triangles.len();

@@ -1,13 +1,13 @@
 //! Groups of neighbouring instances, and the tree over them.
 //!
-//! Instances are split recursively across the longest side of their bounding box, until one group is left: neighbours
-//! in the list are neighbours in space. This also holds in thin rings, where a space-filling curve would jump from one
-//! end to the other. Each half is a whole multiple of the group size, and at higher levels of the node size, so each
-//! node is a contiguous range of the list, and all but the last are full.
+//! Instances are split recursively across the longest side of their bounding box until each part is one group, so neighbours in the list are
+//! neighbours in space. This also holds in thin rings, where a space-filling curve would jump from one end to the other. The size of each half is a
+//! multiple of the group size, and at higher levels of the node size. So each node is a contiguous range of the list, and all nodes but the last are
+//! full.
 //!
-//! A node's sphere contains every one of its instances completely, computed from the unpacked values: position from the
-//! f32 offset, radius from 16 bits, bound of the shape. It is computed from the instances themselves, not from the
-//! spheres of the level below, so it is as tight as those.
+//! A node's sphere contains every one of its instances completely. It is computed from the unpacked values: position from the f32 offset, radius from
+//! 16 bits, and bound of the shape. It is computed from the instances themselves, not from the spheres of the level below, so it is as tight as
+//! those.
 
 use std::f64::consts::PI;
 
@@ -49,7 +49,7 @@ pub(super) fn grouped(
     placed.par_chunks_mut(GROUP).zip(&middles).for_each(|(group, middle_m)| {
         for one in group {
             one.packed.offset = (one.place_m - middle_m).as_vec3().to_array().map(f32::to_bits);
-            // From here on, use the position that the packed offset encodes.
+            // From here on, use the positions that the packed offsets encode.
             one.place_m = middle_m + one.packed.offset_m();
         }
     });

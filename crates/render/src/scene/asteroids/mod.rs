@@ -1,8 +1,8 @@
 //! Fields of asteroids: a few shapes, and up to millions of instances of them, in groups of neighbours.
 //!
-//! Positions are f64 in the field's axes, and f32 only relative to the middle of a group. An instance spins around its
-//! shape's +z axis, like a body in its relaxed rotation state; each instance has its own axis direction. Rotation
-//! angles are integers in units of 2^-32 turns, so that multiplying a time by a rate wraps exactly, for any time.
+//! Positions in the field's axes are f64; only positions relative to the middle of a group are f32. An instance spins around its shape's +z axis,
+//! like a body in its relaxed rotation state; each instance has its own axis direction. Rotation angles are integers in units of 2^-32 turns, so that
+//! multiplying a time by a rate wraps exactly, for any time.
 //!
 //! - `shapes`: the five procedural shapes (`surface`, `sphere`), and the conversion of any mesh to a shape (`solid`,
 //!   `silhouette`, `tree`);
@@ -82,7 +82,7 @@ pub struct Shape {
 pub struct ShapeSet {
     /// The shapes; between 1 and 256.
     pub shapes: Vec<Shape>,
-    /// Identifies a set: equal meshes have equal digests, also across runs.
+    /// Identifies a set: equal meshes have equal digests, even in different runs of the program.
     pub digest: u64,
 }
 
@@ -93,7 +93,7 @@ pub struct ShapeSet {
 pub struct PackedAsteroid {
     /// Position relative to the middle of its group, in the field's axes, m: three f32 as bits.
     pub offset: [u32; 3],
-    /// Low 16 bits: mean radius over the largest of the field, in units of 1/65535. Next 8 bits: index of the shape.
+    /// Low 16 bits: ratio of the mean radius to the largest of the field, in units of 1/65535. Next 8 bits: index of the shape.
     pub radius_and_shape: u32,
     /// Spin axis in the field's axes, octahedral, two signed 16-bit fractions (`pack2x16snorm`).
     pub axis: u32,
@@ -107,7 +107,7 @@ pub struct PackedAsteroid {
 pub struct Node {
     /// Middle, in the field's axes, m.
     pub middle_m: DVec3,
-    /// Radius of the sphere around it that contains every instance completely, m.
+    /// Radius of the sphere around `middle_m` that contains every instance completely, m.
     pub radius_m: f64,
     /// Mean position, weighted by projected area, field's axes, m.
     pub centroid_m: DVec3,

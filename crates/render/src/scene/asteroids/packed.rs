@@ -30,7 +30,7 @@ pub const AXIS_PARTS: i32 = 32_767;
 pub struct Asteroid {
     /// Position relative to the middle of its group, in the field's axes, m.
     pub offset_m: Vec3,
-    /// Mean radius over the largest of the field, 0 to 1; packed in units of 1 / [`RADIUS_PARTS`], at least one.
+    /// Ratio of the mean radius to the largest of the field, 0 to 1. It is packed as a number of steps of 1 / [`RADIUS_PARTS`], at least one.
     pub radius_over_largest: f64,
     /// Index of the shape.
     pub shape: u8,
@@ -46,7 +46,7 @@ fn not_negative(value: f64) -> f64 {
     if value < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// Octahedral coordinates of a direction of any nonzero length, packed like `pack2x16snorm`.
+/// Returns the octahedral coordinates of a direction of any nonzero length, packed as by `pack2x16snorm`.
 fn packed_axis(axis: DVec3) -> u32 {
     let axis = axis / axis.abs().element_sum();
     let [x, y] = if axis.z >= 0.0 {

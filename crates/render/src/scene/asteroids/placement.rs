@@ -19,10 +19,10 @@ use super::{
 
 /// Maximum number of instances of a field.
 pub const MOST_INSTANCES: u32 = 1 << 26;
-/// Largest ratio of the radii of a field: the smallest radius is then 65 packing steps, accurate to 0.8 %.
+/// Largest ratio of the radii of a field. At this ratio the smallest radius is 65 packing steps, so it is accurate to 0.8 %.
 pub const LARGEST_RADIUS_RATIO: f64 = 1000.0;
-/// Largest ratio of the spin periods of a field. A period is the base period divided by an integer, 32767 for the
-/// shortest and at least 32 for the longest, which is accurate to 1.6 %.
+/// Largest ratio of the spin periods of a field. A period is the base period divided by an integer: 32767 for the shortest period and at least 32 for
+/// the longest, which is therefore accurate to 1.6 %.
 pub const LARGEST_PERIOD_RATIO: f64 = 1000.0;
 /// Steepest distribution of sizes.
 pub const STEEPEST_SIZE_INDEX: f64 = 10.0;
@@ -222,8 +222,7 @@ impl FieldParameters {
         check_range("spin_period_s", self.spin_period_s, LARGEST_PERIOD_RATIO)
     }
 
-    /// Mean radius over the largest, for a quantile `share` from 0 (the smallest) to 1: the inverse of the cumulative
-    /// distribution.
+    /// Ratio of the mean radius to the largest, for a quantile `share` from 0 (the smallest) to 1: the inverse of the cumulative distribution.
     fn radius_over_largest(&self, share: f64) -> f64 {
         let [smallest, largest] = self.radius_m;
         let ln_ratio = (largest / smallest).ln();

@@ -1,11 +1,10 @@
 //! Shapes from meshes, centred, rotated and scaled so that every shape has mean radius 1 and spins about its +z axis;
 //! and the five procedural shapes.
 //!
-//! All levels are moved and rotated with the transform of the finest one: its centroid to the origin, its axis of the
-//! largest moment of inertia to +z, that of the smallest to +x (uniform density). Then each level is scaled separately
-//! to a mean projected area of pi. A coarse mesh whose vertices lie on the surface is inside of it and would cover
-//! less. With this scale it covers as much as the finest mesh on average, no light is lost where levels change, and its
-//! surface error is half as large.
+//! All levels are moved and rotated with the transform of the finest one: its centroid to the origin, and the axis of the largest moment of inertia
+//! to +z, that of the smallest to +x (for uniform density). Then each level is scaled separately to a mean projected area of pi. A coarse mesh whose
+//! vertices lie on the surface is inside of it and would cover less. With this scale it covers on average as much as the finest mesh. So no light is
+//! lost where levels change, and the surface error of the coarse mesh is half as large as without scaling.
 
 use std::{f64::consts::PI, sync::LazyLock};
 
@@ -35,10 +34,10 @@ const ERROR_STEPS: usize = 4;
 /// Number of sample points that one task compares with a surface.
 const POINTS_AT_ONCE: usize = 4096;
 
-/// Relative rounding error allowed for f32; bounds are enlarged by it.
+/// Relative margin by which bounds are enlarged, for f32 rounding.
 pub(super) const F32_ROUNDING: f64 = 1e-6;
 
-/// Spheres that become the levels of procedural shapes. All seeds have the same ones.
+/// Spheres that become the levels of procedural shapes. They are the same for all seeds.
 static SPHERES: LazyLock<[Sphere; 5]> = LazyLock::new(|| LEVEL_TRIANGLES.map(sphere::sphere));
 
 impl ShapeSet {
@@ -154,7 +153,7 @@ impl Sampled {
     }
 }
 
-/// FNV-1a, 64 bits, over the bits of all meshes and their counts.
+/// FNV-1a, 64 bits, of the bits of all meshes and their counts.
 pub(super) fn digest_of(shapes: &[Shape]) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325u64;
     let mut add = |bytes: &[u8]| {

@@ -1,7 +1,7 @@
 //! Areas of silhouettes of meshes, by counting pixels.
 //!
-//! A pixel is covered if some triangle that faces the eye covers it. The number of such triangles is the winding number of their outline: of the
-//! edges whose other side does not face the eye. The outline consists of a twentieth of all edges.
+//! A pixel is covered if some triangle that faces the eye covers it. The number of such triangles is the winding number of their outline, which
+//! consists of the edges whose other side does not face the eye. The outline contains only a twentieth of all edges.
 
 use glam::DVec3;
 
@@ -80,7 +80,7 @@ impl<'a> Silhouettes<'a> {
     }
 }
 
-/// A change of the winding number: twice the number of its pixel, row by row, and 1 if it grows.
+/// A change of the winding number, encoded as twice the index of its pixel (row by row), plus 1 if the number increases.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Crossing(u32);
 

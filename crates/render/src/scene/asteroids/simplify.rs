@@ -16,7 +16,7 @@ use super::solid::Solid;
 
 /// Smallest cosine of the angle by which a triangle may rotate in one collapse.
 const LEAST_COSINE: f64 = 0.2;
-/// Weight of the edge's midpoint relative to the planes, so that flat neighbourhoods have a unique optimum too.
+/// Weight of the edge's midpoint relative to the planes, so that even flat neighbourhoods have a unique optimum.
 const TOWARDS_MIDDLE: f64 = 1e-6;
 
 /// The quadratic form x -> x A x + 2 b x + c.

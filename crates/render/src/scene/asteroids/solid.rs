@@ -1,8 +1,8 @@
 //! A closed triangle mesh in f64, used while a shape is made: its volume, principal axes, normals and silhouette.
 //!
-//! Moments are those of a body of uniform density, summed over the tetrahedra between the triangles and a point. The
-//! mean projected area is measured, because that of a concave body is less than a quarter of its surface (Cauchy's
-//! formula holds only for convex bodies): silhouettes are drawn from many directions and their pixels counted.
+//! Moments are those of a body of uniform density, summed over the tetrahedra between the triangles and a point. The mean projected area is measured:
+//! silhouettes are drawn from many directions, and their pixels are counted. Cauchy's formula holds only for convex bodies; the mean projected area
+//! of a concave body is less than a quarter of its surface.
 
 use std::f64::consts::PI;
 

@@ -22,8 +22,8 @@ pub enum ShapeSource {
     },
     /// glTF files, one shape each ([`ShapeSet::from_gltf`]).
     Files(Vec<PathBuf>),
-    /// The files of the configuration's field with this name, since clients cannot name files. The daemon replaces this
-    /// name by the files before it makes the field.
+    /// The files of the field with this name in the configuration, since clients cannot name files. The daemon replaces this name with the files
+    /// before it makes the field.
     OfField(String),
 }
 
@@ -49,7 +49,7 @@ pub struct FieldSpec {
 /// Reasons why a field cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SpecError {
-    /// Name, position, orientation or albedo are out of range.
+    /// The name, position, orientation or albedo is invalid.
     #[error(transparent)]
     Part(#[from] KeyError),
     /// Another parameter is out of range.
@@ -70,7 +70,7 @@ pub struct MadeField {
 }
 
 impl FieldSpec {
-    /// Checks every part, except that the name is unique; shapes are not read.
+    /// Checks every part, except whether the name is unique; shapes are not read.
     ///
     /// # Errors
     ///
@@ -137,7 +137,9 @@ pub fn check_fields<'a>(specs: impl Iterator<Item = &'a FieldSpec> + Clone) -> R
     for (index, spec) in specs.enumerate() {
         all += u64::from(spec.parameters.instances);
         if all > u64::from(MOST_INSTANCES) {
-            let problem = format!("{all} up to this field: must be at most {MOST_INSTANCES} in all fields of a scene");
+            let problem = format!(
+                "{all} in the fields up to this one: must be at most {MOST_INSTANCES} in all fields of a scene"
+            );
             return Err((index, KeyError::new("instances", problem)));
         }
         if !sets.contains(&&spec.shapes) {

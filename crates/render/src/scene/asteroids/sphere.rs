@@ -75,7 +75,7 @@ mod tests {
                 assert!(points.iter().all(|p| (b - a).cross(c - a).dot(*p - a) < 1e-12));
                 longest = longest.max(a.distance(b));
             }
-            // An even spread: compare the longest edge with that of equilateral triangles of the mean size.
+            // The points are spread evenly: compare the longest edge with that of equilateral triangles of the mean size.
             let equilateral = (16.0 * PI / triangles as f64 / 3f64.sqrt()).sqrt();
             assert!(triangles < 100 || longest < 1.6 * equilateral, "{triangles}: {longest} against {equilateral}");
         }

@@ -16,10 +16,10 @@ pub(super) const SEMI_AXES: [[f64; 3]; 5] =
 /// Frequency, in waves per radius, and amplitude of the octaves of noise. The finest wave still spans several edges.
 const OCTAVES: [(f64, f64); 4] = [(0.8, 0.17), (1.5, 0.08), (2.5, 0.03), (4.0, 0.006)];
 
-/// Smallest and largest angular radius of a crater, rad, and the depth of its bowl over its radius.
+/// Smallest and largest angular radius of a crater, rad, and the ratio of its depth to its radius.
 const CRATER_RAD: [f64; 2] = [0.35, 0.75];
 const CRATER_DEPTH: f64 = 0.13;
-/// Height of a crater's rim over its radius, and the rim's width over its radius.
+/// Ratios of the height and the width of a crater's rim to the crater's radius.
 const RIM_HEIGHT: f64 = 0.03;
 const RIM_WIDTH: f64 = 0.45;
 const CRATERS: usize = 9;
@@ -29,8 +29,8 @@ const ALBEDO_FREQUENCY: f64 = 2.3;
 const ALBEDO_AMPLITUDE: f64 = 0.2;
 const CRATER_FLOOR: f64 = 0.06;
 
-/// Gradient noise (Perlin 2002, *Improving noise*): 0 at the lattice points, with a random slope at each, with
-/// continuous second derivatives in between; from about -0.9 to 0.9.
+/// Gradient noise (Perlin 2002, *Improving noise*) from about -0.9 to 0.9. It is 0 at the lattice points, has a random slope at each of them, and has
+/// continuous second derivatives in between.
 struct GradientNoise {
     seed: u64,
 }
@@ -93,7 +93,7 @@ impl Surface {
                 let z: f64 = rng.random_range(-1.0..1.0);
                 let (sin, cos) = rng.random_range(0.0..TAU).sin_cos();
                 let rho = (1.0 - z * z).sqrt();
-                // Small craters are more frequent: the number above a radius decreases with its square.
+                // Small craters are more frequent: the number of craters larger than a radius is inversely proportional to the square of that radius.
                 let [small, large] = CRATER_RAD.map(|radius| radius.powi(-2));
                 let radius_rad = (small + (large - small) * rng.random_range(0.0..1.0)).powf(-0.5);
                 Crater { middle: DVec3::new(rho * cos, rho * sin, z), radius_rad }
@@ -123,7 +123,7 @@ impl Surface {
 }
 
 impl Crater {
-    /// Angular distance from its centre over its angular radius.
+    /// Angular distance from its centre, divided by its angular radius.
     fn distance(&self, direction: DVec3) -> f64 {
         self.middle.cross(direction).length().atan2(self.middle.dot(direction)) / self.radius_rad
     }

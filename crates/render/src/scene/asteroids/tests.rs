@@ -1,4 +1,4 @@
-//! Tests of shapes and fields against geometry.
+//! Compares shapes and fields with results from geometry.
 
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 

@@ -12,7 +12,7 @@ use super::Mesh;
 const LEAF: usize = 4;
 /// More than the levels of any tree: triangles have numbers of 32 bits, and each level halves them.
 const MOST_LEVELS: usize = 34;
-/// Relative tolerance outside of a triangle within which a ray still hits: rays along edges must not slip through.
+/// Relative tolerance: a ray that passes a triangle this closely still hits it, so that rays along edges do not slip through.
 const EDGE: f64 = 1e-12;
 
 /// A tree over the triangles of a mesh.
@@ -119,9 +119,10 @@ impl MeshTree {
         self.distance_beyond(point, 0.0, &mut 0)
     }
 
-    /// Distance of a point from the surface. If this distance is at most `enough`, the result is only some distance up to `enough`. `near` is a
-    /// triangle that may be near; it becomes the nearest one that was found. The search for the largest distance of many points, each next to the one
-    /// before, ends at once for most of them (Taha and Hanbury 2015, *An efficient algorithm for calculating the exact Hausdorff distance*).
+    /// Returns the distance of a point from the surface. If this distance is at most `enough`, the result is merely some distance that is at most
+    /// `enough`. `near` is a triangle that may be near the point; it is replaced by the nearest triangle that was found. If the largest distance of
+    /// many points is searched, and each point is next to the one before, the search ends at once for most points (Taha and Hanbury 2015, *An
+    /// efficient algorithm for calculating the exact Hausdorff distance*).
     pub fn distance_beyond(&self, point: DVec3, enough: f64, near: &mut usize) -> f64 {
         let squared = |triangle: usize| (point - nearest(&self.corners[triangle], point)).length_squared();
         let mut best = if *near < self.corners.len() { squared(*near) } else { f64::INFINITY };

@@ -82,7 +82,7 @@ pub(in crate::scene) fn check_albedo(albedo: [f64; 3]) -> Result<(), KeyError> {
 }
 
 impl Body {
-    /// Checks every part, except that the name is unique.
+    /// Checks every part, except whether the name is unique.
     ///
     /// # Errors
     ///

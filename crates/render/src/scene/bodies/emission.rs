@@ -9,9 +9,8 @@ use crate::{
 };
 
 impl Emission {
-    /// Emission of a star of an absolute V magnitude with the colour of a black body of `temperature_k`, as a sphere of
-    /// `radius_m` with linear limb darkening `limb_darkening`: its light, summed over the disc, gives the magnitude at
-    /// 10 parsecs. It has no corona.
+    /// Returns the emission of a star with a given absolute V magnitude: a sphere of `radius_m` with the colour of a black body of `temperature_k`
+    /// and linear limb darkening `limb_darkening`. Its light, summed over the disc, gives this magnitude at 10 parsecs. The star has no corona.
     pub fn of_star(absolute_magnitude: f64, temperature_k: f64, radius_m: f64, limb_darkening: f64) -> Self {
         let intensity_cd = illuminance_lx_from_magnitude(absolute_magnitude) * (10.0 * PARSEC_M).powi(2);
         let mean_cd_m2 = intensity_cd / (PI * radius_m * radius_m);
@@ -26,7 +25,7 @@ impl Emission {
         self.corona.then(|| self.luminance_cd_m2.map(|channel| channel * self.mean_over_middle()))
     }
 
-    /// Mean luminance of a sphere's disc over that at its centre: 1 - u / 3.
+    /// Ratio of the mean luminance of a sphere's disc to the luminance at the centre: 1 - u / 3.
     pub fn mean_over_middle(&self) -> f64 {
         1.0 - self.limb_darkening / 3.0
     }

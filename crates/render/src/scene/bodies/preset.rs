@@ -52,7 +52,7 @@ pub(super) fn measured(body: SolarBody) -> (f64, f64) {
 }
 
 impl Body {
-    /// Body of the Solar System with its size, surface and spin, its axes parallel to those of the world.
+    /// Returns a body of the Solar System with its size, surface and spin. Its axes are parallel to those of the world.
     pub fn preset(of: SolarBody, name: &str, position_m: DVec3) -> Self {
         let (equator_km, pole_km, albedo, tint, period_s, law) = line(of);
         let normalised_tint = tint.map(|channel| channel / luminance(tint));

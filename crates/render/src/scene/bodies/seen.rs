@@ -63,8 +63,8 @@ impl<'a> SeenBody<'a> {
         &self.lights
     }
 
-    /// First intersection of a ray from the eye along `direction` (unit vector, world axes) with the body. `None` if
-    /// there is none, and for an eye inside the body, which sees nothing of its surface.
+    /// Returns the first intersection of the body with a ray from the eye along `direction` (unit vector, world axes). `None` if there is none, and
+    /// if the eye is inside the body, where it sees nothing of the surface.
     pub fn hit(&self, direction: DVec3) -> Option<Hit> {
         let ray = self.body_from_world * direction / self.body.radii_m;
         let length2 = ray.length_squared();
@@ -127,8 +127,8 @@ impl<'a> SeenBody<'a> {
     }
 }
 
-/// Whether a body covers a direction (unit vector, world axes) for an eye at `eye_m` at a time, s: exact outline. An
-/// eye inside the body sees through it.
+/// Whether a body covers a direction (unit vector, world axes) at a time, s, as seen from `eye_m`. The outline is exact. An eye inside the body sees
+/// through it.
 pub fn hides(body: &Body, eye_m: DVec3, direction: DVec3, time_s: f64) -> bool {
     SeenBody::new(body, eye_m, &[], time_s).hit(direction).is_some()
 }

@@ -1,9 +1,9 @@
 //! Shadows of bodies on each other: umbra and penumbra for suns that are discs.
 //!
-//! A sun is a disc of uniform luminance, and the occluder is a sphere or a spheroid: the hidden fraction is that of
-//! circles in a plane. The circle of a spheroid has the radius of its outline in the direction of the sun's centre; the
-//! error is less than a hundredth of the flattening if the sun is small compared with the occluder. The air of the Earth refracts a little light into its shadow, and enlarges it by a hundredth of its radius
-//! (A. Danjon, Comptes Rendus 173, 706, 1921: a hundredth of the Moon's parallax).
+//! A sun is a disc of uniform luminance, and the occluder is a sphere or a spheroid: the hidden fraction is computed from circles in a plane. The
+//! circle of a spheroid has the radius of its outline in the direction of the sun's centre; the error is less than a hundredth of the flattening if
+//! the sun is small compared with the occluder. The air of the Earth refracts a little light into the Earth's shadow, and enlarges the shadow by a
+//! hundredth of its radius (A. Danjon, Comptes Rendus 173, 706, 1921: a hundredth of the Moon's parallax).
 
 use std::f64::consts::PI;
 
@@ -23,7 +23,7 @@ const EARTH_REFRACTED: [f64; 3] = [1.9e-5, 0.8e-5, 0.4e-5];
 pub struct Occluder {
     /// Its centre, m.
     pub position_m: DVec3,
-    /// Radius of its shadow at the body, m; of a spheroid, that of its equator.
+    /// Radius of its shadow at the occluder, m; for a spheroid, the equatorial radius.
     pub radius_m: f64,
     /// Its pole, unit vector, world axes.
     pub pole: DVec3,
@@ -54,7 +54,7 @@ impl Occluder {
     /// The occluder for a body.
     pub fn from_body(body: &Body) -> Self {
         let DVec3 { x: equator_m, y: other_m, z: polar_m } = body.radii_m;
-        // Without a round equator: the sphere with the same volume.
+        // If the equator is not round, use the sphere with the same volume.
         let (radius_m, oblate) = if equator_m == other_m {
             (equator_m, (equator_m / polar_m).powi(2) - 1.0)
         } else {
@@ -73,9 +73,8 @@ impl Occluder {
         Self { position_m, radius_m, pole: DVec3::Z, oblate: 0.0, refracted: EARTH_REFRACTED }
     }
 
-    /// Its shadow on a body in the light of a sun, given by its direction from the body (unit vector), its distance, m,
-    /// and its angular radius, rad. The second result is the depth to which the body reaches into the penumbra, m.
-    /// `None` if it does not.
+    /// Returns its shadow on a body in the light of a sun. The sun is given by its direction from the body (unit vector), its distance, m, and its
+    /// angular radius, rad. The second result is the depth to which the body reaches into the penumbra, m. `None`: the body does not reach into it.
     pub(super) fn shadow_on(
         &self,
         body: &Body,
@@ -86,7 +85,7 @@ impl Occluder {
         let offset_m = self.position_m - body.position_m;
         let largest_m = body.radii_m.max_element();
         let along_m = offset_m.dot(to_sun);
-        // The occluder must be between the two, and must not be one of them.
+        // The occluder must be between the body and the sun, and must not be either of them.
         if along_m <= 0.0 || along_m >= 0.999 * sun_distance_m || offset_m.length() < 0.5 * largest_m {
             return None;
         }
@@ -120,8 +119,8 @@ impl Shadow {
         self.radius_m / (1.0 + self.oblate * squared / (1.0 + self.oblate * along * along)).sqrt()
     }
 
-    /// Fraction of the light that arrives on a whole body of a given radius, m, by channel: that at its centre, but the
-    /// loss is at most the fraction that the occluder's cross-section covers.
+    /// Fraction of the light that arrives on a whole body of a given radius, m, by channel. It is the fraction at the body's centre, but the loss is
+    /// limited to the fraction of the body that the occluder's cross-section covers.
     pub fn open_share_of_body(&self, radius_m: f64, to_sun: DVec3) -> [f64; 3] {
         let most = (self.radius_m / radius_m).powi(2);
         self.open_share(DVec3::ZERO, to_sun).map(|open| 1.0 - (1.0 - open).min(most))
@@ -185,7 +184,7 @@ mod tests {
         let edge = middle(0.5 * (umbra_m + penumbra_m))[1];
         assert!((0.3..0.7).contains(&edge), "{edge}");
         assert!(middle(0.98 * penumbra_m)[1] > 0.97 && middle(1.02 * penumbra_m) == [1.0; 3]);
-        // A Moon on the other side of the Earth is not in shadow; the Earth is in the Moon's shadow.
+        // If the Moon is on the sunward side of the Earth, the Moon is not in shadow, but the Earth is in the Moon's shadow.
         let bodies = [sun.clone(), earth.clone(), Body::preset(SolarBody::Moon, "moon", DVec3::X * (AU_M - 3.844e8))];
         let objects = SceneObjects { bodies: bodies.map(std::sync::Arc::new).to_vec(), ..Default::default() };
         let suns = suns(&objects);
@@ -198,8 +197,8 @@ mod tests {
 
     #[test]
     fn the_shadow_of_a_flattened_planet_is_flattened() {
-        // Saturn and a moon 20 radii behind it. The light at the moon is the share of the Sun's disc to which rays are
-        // free: the ellipsoid blocks a ray that, in units of the semi-axes, meets the unit sphere.
+        // Saturn and a moon 20 radii behind it. The light at the moon is the fraction of the Sun's disc that unblocked rays reach. The ellipsoid
+        // blocks a ray if, in units of the semi-axes, the ray meets the unit sphere.
         let au_m = crate::units::ASTRONOMICAL_UNIT_M;
         for tilt_deg in [0.0_f64, 20.0, 60.0] {
             let mut saturn = Body::preset(SolarBody::Saturn, "saturn", DVec3::X * 9.5 * au_m);

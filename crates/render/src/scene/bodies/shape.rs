@@ -1,4 +1,4 @@
-//! Light of an ellipsoid relative to a sphere: planets are flattened, and their measured light is that of the whole.
+//! Light of an ellipsoid relative to that of a sphere: planets are flattened, and measurements refer to the light of the whole planet.
 //!
 //! In semi-axes the body is the unit sphere, and the visible and lit part is a lune. An element of it has the projected
 //! area det(D) (D^-1 e . n), with the semi-axes D, the direction e to the eye and the point n of the unit sphere.
@@ -11,7 +11,7 @@ use super::{Body, suns::mean_radius_m};
 
 /// Nodes across and along the lune.
 const NODES: usize = 24;
-/// Sum of the weights of the nodes without their normalisation: the integral of 6 t (1 - t) over 0 to 1 is 1.
+/// Sum of the weights of the nodes before normalisation: the integral of 6 t (1 - t) from 0 to 1 is 1.
 const fn crowded(index: usize) -> (f64, f64) {
     // Nodes are denser at both ends, where the reflection laws are steep.
     let t = (index as f64 + 0.5) / NODES as f64;

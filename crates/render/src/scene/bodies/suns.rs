@@ -23,7 +23,7 @@ const LEAST_REFLECTED: f64 = 1e-7;
 /// Radius of the Earth's shadow without its air, m: the equatorial radius.
 const EARTH_M: f64 = 6_378_137.0;
 
-/// A body that emits light, treated as far away.
+/// A body that emits light. It is treated as far away.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sun {
     /// Its centre: ICRS, barycentric, m.
@@ -37,8 +37,7 @@ pub struct Sun {
     pub occluders: Arc<[Occluder]>,
     /// Bodies that can reflect its light onto others.
     pub reflectors: Arc<[Arc<Body>]>,
-    /// Year of the scene, or the nearest one with the same measured brightness of all bodies
-    /// ([`phase_curve::year_of_brightness`]).
+    /// Year of the scene, or the nearest year in which the measured brightness of all bodies is the same ([`phase_curve::year_of_brightness`]).
     pub year: f64,
 }
 
@@ -127,9 +126,9 @@ pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
     objects.bodies.iter().filter_map(|body| Some(Sun::from_body(body, body.emission.as_ref()?, &around))).collect()
 }
 
-/// The light of suns on a body for an eye at `eye_m` (world axes). For a body with a measured phase curve, the
-/// illuminance is scaled so that the eye receives the light of the curve, if the body is as large and as bright as the
-/// measured one. Suns whose centre lies within the body, such as the body itself, do not light it.
+/// Returns the light of suns on a body for an eye at `eye_m` (world axes). If the body has a measured phase curve, the illuminance is scaled so that
+/// a body of the measured size and albedo sends the eye the light that the curve gives. Suns whose centre lies within the body, such as the body
+/// itself, do not light it.
 ///
 /// Nearby bodies also light it with the sunlight that they reflect: the light of the Earth on the Moon.
 pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
@@ -140,8 +139,7 @@ pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
         let to_reflector_m = reflector.position_m - body.position_m;
         let distance_m = to_reflector_m.length();
         let radius_m = mean_radius_m(reflector.radii_m);
-        // Upper bound: the light that a white disc reflects at full phase. Distant bodies are skipped, and so are
-        // bodies that touch.
+        // Upper bound: the light that a white disc reflects at full phase. Distant bodies are skipped, and so are bodies that touch the lit one.
         let most = (radius_m / distance_m).powi(2);
         if most < LEAST_REFLECTED || distance_m < radius_m + body.radii_m.max_element() {
             return None;
@@ -159,8 +157,8 @@ pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     direct.iter().copied().chain(reflected).collect()
 }
 
-/// Illuminance at an eye, at `to_eye_m` from the body's centre, from a light reflected by the distant body, outside of
-/// shadows: linear Rec. 709, lx.
+/// Returns the illuminance that a distant body's reflection of one light causes at an eye at `to_eye_m` from the body's centre, without shadows:
+/// linear Rec. 709, lx.
 pub fn reflected_lx(body: &Body, to_eye_m: DVec3, light: &Light) -> [f64; 3] {
     let (radius_m, distance_m) = (mean_radius_m(body.radii_m), to_eye_m.length());
     let towards_eye = to_eye_m / distance_m;
@@ -192,8 +190,8 @@ fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3, year: f64) -> L
         let eye_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { latitude_rad(to_eye_m) };
         let tilt = Tilt { eye_rad, sun_rad: latitude_rad(light.direction) };
         let factor = phase_curve::factor(measured_body, body.surface.law, albedo, radius_m, phase_rad, tilt, year);
-        // The factor applies to a sphere. All curves include the effect of the body's outline, and Saturn's also the
-        // change of its outline with the tilt.
+        // The factor applies to a sphere. All curves include the effect of the body's outline, and Saturn's curve includes the change of its outline
+        // with the tilt.
         let shape = to_eye_m.try_normalize().map_or(1.0, |to_eye| light_over_sphere(body, to_eye, light.direction));
         let scale = factor / (shape * tint(body.surface.geometric_albedo, light.illuminance_lx));
         light.illuminance_lx = light.illuminance_lx.map(|channel| channel * scale);
@@ -201,8 +199,8 @@ fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3, year: f64) -> L
     light
 }
 
-/// Luminance that a coloured surface reflects from coloured light, relative to the product of the luminances of both,
-/// to which the curves refer: 0.98 to 1.02 for the presets in sunlight.
+/// Luminance that a coloured surface reflects from coloured light, relative to the product of the luminances of surface and light. The curves refer
+/// to this product. The ratio is 0.98 to 1.02 for the presets in sunlight.
 fn tint(albedo: [f64; 3], illuminance_lx: [f64; 3]) -> f64 {
     let reflected = luminance([0, 1, 2].map(|c| albedo[c] * illuminance_lx[c]));
     let product = luminance(albedo) * luminance(illuminance_lx);
@@ -220,8 +218,8 @@ fn mean_projected_area_m2(radii_m: DVec3) -> f64 {
     let DVec3 { x: across, y, z: along } = radii_m;
     if across == y {
         let squared_e = 1.0 - (along / across).powi(2);
-        // artanh(e) (1 - e^2) / e or, if prolate, asin(e) / (e cos asin(e)) with its own e; near the sphere both are (1
-        // - e^2) (1 + e^2 / 3 + ...).
+        // artanh(e) (1 - e^2) / e if oblate, or asin(e) / (e cos asin(e)) if prolate, each with its own definition of e.
+        // Near the sphere both are (1 - e^2) (1 + e^2 / 3 + ...).
         let side_term = if squared_e.abs() < 1e-6 {
             (1.0 - squared_e) * (1.0 + squared_e / 3.0)
         } else if squared_e > 0.0 {
@@ -235,7 +233,7 @@ fn mean_projected_area_m2(radii_m: DVec3) -> f64 {
     triaxial_mean_projected_area_m2(radii_m)
 }
 
-/// The same as a sum over directions: along n it is pi |(b c n_x, a c n_y, a b n_z)|.
+/// The same area as a mean over directions: along n it is pi |(b c n_x, a c n_y, a b n_z)|.
 fn triaxial_mean_projected_area_m2(radii_m: DVec3) -> f64 {
     const N: usize = 64;
     let products = DVec3::new(radii_m.y * radii_m.z, radii_m.x * radii_m.z, radii_m.x * radii_m.y);
@@ -261,7 +259,7 @@ mod tests {
         units::{ASTRONOMICAL_UNIT_M, illuminance_lx_from_magnitude},
     };
 
-    /// A grey sphere of the Moon's size, between Sun and Earth, or rotated around the Earth.
+    /// A grey sphere of the Moon's size, between Sun and Earth, or moved from there around the Earth.
     fn grey_moon(angle_rad: f64, distance_m: f64) -> Body {
         let surface =
             Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.1; 3], phase_curve: None, texture: None };
@@ -303,7 +301,7 @@ mod tests {
         let half =
             luminance(reflected_on(&grey_moon(1.57, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx);
         assert!((0.1..0.45).contains(&(half / found)), "{}", half / found);
-        // No light from the night side, from far away, or if there is no Earth.
+        // The Earth adds no light if its night side faces the Moon, if it is far away, or if it does not exist.
         assert!(
             reflected_on(&grey_moon(std::f64::consts::PI, 3.844e8), &[SolarBody::Sun, SolarBody::Earth]).is_empty()
         );

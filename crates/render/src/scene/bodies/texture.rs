@@ -9,10 +9,9 @@ use crate::{
     picture_file::{PictureError, PictureFile},
 };
 
-/// Albedo factors of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is the
-/// body's +x axis, the top is its +z axis; longitude increases to the right, towards +y. Both refer to the point on the
-/// unit sphere that corresponds to the surface point. The factors are interpolated bilinearly between texel centres,
-/// also across the left and right edges.
+/// Albedo factors of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is the body's +x axis, the top is its +z
+/// axis; longitude increases to the right, towards +y. Longitude and latitude are those of the point on the unit sphere that corresponds to the
+/// surface point. The factors are interpolated bilinearly between texel centres, including across the left and right edges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// Width and height, texels.
@@ -94,7 +93,7 @@ mod tests {
             texture.sample(DVec3::new(lat.cos() * lon.cos(), lat.cos() * lon.sin(), lat.sin()))[0]
         };
         let texel = |index: usize| f64::from(texture.rgb[index][0]);
-        // Texel centres, the middle between two, across the edge, and beyond the last row.
+        // Sample at texel centres, halfway between two, across the edge, and beyond the last row.
         assert!((red_at(-135.0, 45.0) - texel(0)).abs() < 1e-12);
         assert!((red_at(45.0, 45.0) - texel(2)).abs() < 1e-12);
         assert!((red_at(45.0, -45.0) - texel(6)).abs() < 1e-12);

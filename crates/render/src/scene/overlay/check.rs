@@ -74,7 +74,7 @@ fn between(key: &'static str, value: f64, [least, most]: [f64; 2], unit: &str) -
     Err(KeyError::new(key, format!("{value}: must be between {least} and {most}{unit}")))
 }
 
-/// Checks an angle in radians by its range in degrees, with a margin for the rounding of the conversion.
+/// Checks an angle in radians against a range in degrees, with a margin for the rounding of the conversion.
 fn angle_between(key: &'static str, angle_rad: f64, range_deg: [f64; 2]) -> Result<(), KeyError> {
     let degrees = angle_rad.to_degrees();
     let nearest = degrees.clamp(range_deg[0], range_deg[1]);
@@ -107,7 +107,7 @@ impl Grid {
 }
 
 impl Trajectory {
-    /// Checks its ranges, except its name and the total number of points.
+    /// Checks the ranges of its values, but not its name and the total number of points.
     pub fn check(&self) -> Result<(), KeyError> {
         if !(2..=MOST_POINTS).contains(&self.points_m.len()) {
             let problem = format!("{} points: must be between 2 and {MOST_POINTS}", self.points_m.len());
@@ -122,7 +122,7 @@ impl Trajectory {
 }
 
 impl Label {
-    /// Checks its ranges, except its name.
+    /// Checks the ranges of its values, but not its name.
     pub fn check(&self) -> Result<(), KeyError> {
         if !(1..=LONGEST_TEXT).contains(&self.text.chars().count()) {
             let problem = format!("{} characters: must be between 1 and {LONGEST_TEXT}", self.text.chars().count());
@@ -138,7 +138,7 @@ impl Label {
         between("opacity", self.opacity, [0.0, 1.0], "")
     }
 
-    /// A direction from a vector of any nonzero length; the error states the valid values.
+    /// Returns the direction of a vector of any nonzero length; the error states the valid values.
     pub fn direction(vector: DVec3) -> Result<Anchor, KeyError> {
         let length = vector.length();
         if !vector.is_finite() || !(1e-100..=1e100).contains(&length) {
@@ -150,7 +150,7 @@ impl Label {
 }
 
 impl Picture {
-    /// Checks its ranges, except its name and the total number of texels.
+    /// Checks the ranges of its values, but not its name and the total number of texels.
     pub fn check(&self) -> Result<(), KeyError> {
         angle_between("width_deg", self.width_rad, PICTURE_WIDTHS_DEG)?;
         if !self.roll_rad.is_finite() {
@@ -181,7 +181,7 @@ impl Anchor {
 }
 
 impl Overlay {
-    /// Checks everything, except that the views of test patterns exist, which only the rig knows.
+    /// Checks everything except whether the views of test patterns exist: only the rig knows the views.
     ///
     /// # Errors
     ///

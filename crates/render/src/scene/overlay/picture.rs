@@ -1,4 +1,4 @@
-//! Pictures over display images: a PNG on a plane that touches the sphere of directions at one point.
+//! Pictures over display images: a PNG on a plane that is tangent to the sphere of directions.
 
 use std::{path::Path, sync::Arc};
 
@@ -39,13 +39,13 @@ pub struct Picture {
     pub name: String,
     /// Its texels.
     pub levels: Arc<PictureLevels>,
-    /// The PNG that it was made from, if a client has sent it.
+    /// The PNG file content, if a client has sent the picture.
     pub png: Option<Arc<[u8]>>,
     /// Direction of its middle.
     pub anchor: Anchor,
     /// Angle between the middles of its left and right edges, rad, below pi.
     pub width_rad: f64,
-    /// Angle by which its top is turned to the left from the pole or the zenith, rad.
+    /// Angle by which its top is turned to the left of the direction to the pole or the zenith, rad.
     pub roll_rad: f64,
     /// Opacity, which multiplies its alpha.
     pub opacity: f64,
@@ -93,7 +93,7 @@ impl PictureLevels {
 }
 
 impl Level {
-    /// Means of two by two texels, in linear light, weighted by alpha; texels beyond an odd last row or column count as transparent.
+    /// Averages two by two texels, in linear light and weighted by alpha. Texels beyond an odd last row or column count as transparent.
     fn halved(&self) -> Self {
         let size = self.size.map(|side| side.div_ceil(2));
         let [width, height] = self.size;
@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(sizes, [[5, 2], [3, 1]]);
         let half = &levels.levels()[1];
         assert_eq!((half.extent, &half.rgba[..]), ([2.5, 1.0], &[white, [255, 0, 0, 128], [255, 0, 0, 128]][..]));
-        // Black and white in a checkerboard are half of the light, not half of the code.
+        // The mean of a black and white checkerboard is half of the light, not half of the code.
         let black = [0, 0, 0, 255];
         let grey = PictureLevels::new([2, 2], vec![white, black, black, white]).levels()[1].rgba[0];
         assert_eq!(grey, [188, 188, 188, 255]);

@@ -104,7 +104,7 @@ impl PlaneMapping for CubeFace {
         Some(Face::ALL.into_iter().map(|face| light(&Self { face, ..*self }, face.axes().transpose() * in_cube)).sum())
     }
 
-    /// Extent on the face that contains the direction, so that all faces draw the same star.
+    /// Use the extent on the face that contains the direction, so that all faces draw the same star.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         self.plane.pixel_extent_rad(DVec3::new(0.0, 0.0, -direction.abs().max_element()))
     }

@@ -1,5 +1,5 @@
-//! Longitude and latitude over the whole sphere: the image centre is -z, its top is +y, longitude grows to the right.
-//! It wraps at +-180 degrees and reflects over the poles.
+//! Longitude and latitude over the whole sphere: the image centre is -z, its top is +y, longitude grows to the right. The image wraps at +-180
+//! degrees, and continues beyond a pole on the opposite meridian.
 
 use std::f64::consts::{PI, TAU};
 
@@ -55,7 +55,7 @@ impl PlaneMapping for Equirectangular {
         x < self.size[0] && y < self.size[1]
     }
 
-    /// Exact: the zone between two latitudes, divided among the columns.
+    /// The exact value: the zone between two latitudes, divided among the columns.
     fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         if !self.contains(x, y) {
             return 0.0;

@@ -26,7 +26,7 @@ pub enum FisheyeMapping {
     Equidistant,
     /// Equal areas for equal solid angles.
     Equisolid,
-    /// Orthographic projection: like a sphere seen from far away.
+    /// Orthographic projection: the picture looks like a sphere seen from far away.
     Orthographic,
     /// Conformal.
     Stereographic,
@@ -104,8 +104,7 @@ impl Fisheye {
         dx * dx + dy * dy > (n - 3).max(0).pow(2)
     }
 
-    /// Density at the pixel's centre times the area of the pixel: the value that a shader computes where this
-    /// approximation is sufficient.
+    /// Density at the pixel's centre times the area of the pixel. A shader computes this value if the approximation is sufficient.
     pub(crate) fn midpoint_solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         self.density(self.plane_from_pixel(pixel_centre(x, y)).length()) / self.radius_px().powi(2)
     }
@@ -159,7 +158,7 @@ impl PlaneMapping for Fisheye {
         let across = direction.x.hypot(direction.y);
         let theta = across.atan2(-direction.z);
         let rho = self.rho_from_theta(theta)?;
-        // At the antipode every azimuth is correct; use the one to the right.
+        // At the antipode every azimuth is valid; use the one to the right.
         let azimuth = if across > 0.0 { DVec2::new(direction.x, direction.y) / across } else { DVec2::X };
         let p = azimuth * rho * self.radius_px();
         Some(DVec2::new(f64::from(self.size[0]) / 2.0 + p.x, f64::from(self.size[1]) / 2.0 - p.y))
@@ -205,8 +204,8 @@ impl PlaneMapping for Fisheye {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad }
     }
 
-    /// From the radial and tangential derivatives of the mapping. Beyond the rim, the derivatives at the rim are used.
-    /// Where a mapping ends with an infinite derivative, the angle covered by its last pixel is used.
+    /// From the radial and tangential derivatives of the mapping. Beyond the rim, the derivatives at the rim are used. If the derivative of a mapping
+    /// becomes infinite at its end, the angle that its last pixel covers is used.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         let cosine = -direction.z;
         let sine = direction.x.hypot(direction.y);

@@ -129,8 +129,8 @@ pub trait PlaneMapping: Sync {
         false
     }
 
-    /// Sum of `light` over this picture and the pictures that continue it beyond its borders, each with the direction
-    /// in its own axes; `None` if there are no such pictures.
+    /// Sum of `light` over this picture and the pictures that continue it beyond its borders. `light` gets each picture and the direction in the axes
+    /// of that picture. `None` if there are no such pictures.
     fn light_with_neighbours(&self, direction: DVec3, light: &dyn Fn(&dyn PlaneMapping, DVec3) -> f64) -> Option<f64> {
         let _ = (direction, light);
         None
@@ -158,9 +158,8 @@ pub trait PlaneMapping: Sync {
     /// A cone that contains every direction that can affect a pixel, including kernels of `margin_px`.
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone;
 
-    /// The pixels that a star in `direction` reaches with `kernel`, exact at every border of the mapping: wrap,
-    /// reflection, shared edges. `kernel` returns the footprint around continuous pixel coordinates as if the plane had
-    /// no border. Empty if the star has no image.
+    /// The pixels that a star in `direction` reaches with `kernel`. They are exact at every border of the mapping: wrapped, reflected and shared
+    /// edges. `kernel` returns the footprint around continuous pixel coordinates as if the plane had no border. Empty if the star has no image.
     fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect()
@@ -208,9 +207,8 @@ impl Projection {
         }
     }
 
-    /// Solid angle of the whole picture, sr: in closed form, or for a table the sum over its pixels. The sum over the
-    /// pixels of a round picture differs from the closed form by the difference between a circle and its pixels (2e-7
-    /// at 4096 pixels).
+    /// Solid angle of the whole picture, sr: in closed form, or the sum over the pixels if the projection is a table. The sum over the pixels of a
+    /// round picture differs from the closed form by the difference between a circle and its pixels (2e-7 at 4096 pixels).
     pub fn picture_solid_angle_sr(&self) -> f64 {
         match self {
             Projection::Perspective(plane) => plane.picture_solid_angle_sr(),
@@ -221,8 +219,8 @@ impl Projection {
         }
     }
 
-    /// Angular size of the pixel in the middle of the picture, rad: the square root of its solid angle. If a table has
-    /// no pixel there, that of the mean pixel.
+    /// Angular size of the pixel in the middle of the picture, rad: the square root of its solid angle. If a table has no pixel there, the size of
+    /// the mean pixel is used.
     pub fn middle_pixel_rad(&self) -> f64 {
         let mapping = self.mapping();
         let [width, height] = mapping.size();
@@ -235,9 +233,8 @@ impl Projection {
         }
     }
 
-    /// Smallest solid angle of a pixel of the picture, sr. Closed-form mappings have their extremes at the centre, the
-    /// corners or the middles of the edges (half a pixel inside for round pictures), so only these are compared; for a
-    /// table all pixels are.
+    /// Smallest solid angle of a pixel of the picture, sr. Closed-form mappings have their extremes at the centre, the corners or the middles of the
+    /// edges (half a pixel inside for round pictures), so only these are compared; for a table all pixels are compared.
     pub fn smallest_pixel_sr(&self) -> f64 {
         if let Projection::Tabulated(table) = self {
             return table.smallest_pixel_sr();
@@ -257,8 +254,8 @@ impl Projection {
     }
 }
 
-/// Gauss-Legendre quadrature of `density` (per unit area of the plane) over a rectangle given by centre and half sides,
-/// with three points along each axis: exact for polynomials of degree five.
+/// Gauss-Legendre quadrature of `density` (per unit area of the plane) over a rectangle that is given by its centre and half sides. It uses three
+/// points along each axis and is exact for polynomials of degree five.
 pub(crate) fn integrate_over_rectangle(centre: DVec2, half: DVec2, density: impl Fn(DVec2) -> f64) -> f64 {
     const NODES: [(f64, f64); 3] =
         [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];

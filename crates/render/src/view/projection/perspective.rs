@@ -22,8 +22,8 @@ pub struct Perspective {
 }
 
 impl Perspective {
-    /// Symmetric picture with a vertical field of view in rad and square pixels. Both the vertical and the horizontal
-    /// field of view must be above 0 and at most 178 degrees.
+    /// Creates a symmetric picture with a vertical field of view in rad and square pixels. Both the vertical and the horizontal field of view must be
+    /// above 0 and at most 178 degrees.
     pub fn symmetric(size: [u32; 2], fov_y_rad: f64) -> Result<Self, ProjectionError> {
         check_size(size)?;
         if !(fov_y_rad > 0.0 && fov_y_rad <= 2.0 * MAX_EDGE_RAD + 1e-12) {
@@ -45,7 +45,7 @@ impl Perspective {
         Ok(Self { size, left: -right, right, down: -up, up })
     }
 
-    /// Off-axis picture from four signed angles in rad (left and down usually negative), each within +-89 degrees.
+    /// Creates an off-axis picture from four signed angles in rad (the left and lower ones are usually negative), each within +-89 degrees.
     pub fn off_axis(
         size: [u32; 2],
         left_rad: f64,
@@ -85,7 +85,7 @@ impl Perspective {
         Ok(Self { size, left: left_rad.tan(), right: right_rad.tan(), down: down_rad.tan(), up: up_rad.tan() })
     }
 
-    /// From the tangents of the four edges; they must be finite and ordered, as the other constructors ensure.
+    /// Creates a picture from the tangents of its four edges. They must be finite and ordered, which the other constructors ensure.
     pub(crate) fn from_tangents(size: [u32; 2], [left, right, down, up]: [f64; 4]) -> Self {
         Self { size, left, right, down, up }
     }
@@ -140,7 +140,7 @@ impl PlaneMapping for Perspective {
         x < self.size[0] && y < self.size[1]
     }
 
-    /// Exact: the difference of the solid angles of four corners.
+    /// The exact value, from the solid angles of four corners.
     fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         if !self.contains(x, y) {
             return 0.0;
@@ -151,8 +151,8 @@ impl PlaneMapping for Perspective {
         (corner(x1, y0) - corner(x0, y0) - corner(x1, y1) + corner(x0, y1)).abs()
     }
 
-    /// Bounds, exact for square pixels: a pixel of a flat plane shrinks with the cosine of the angle from the axis in
-    /// the tangential direction, and with its square in the radial direction.
+    /// These bounds are exact for square pixels. The angular size of a pixel of a flat plane is proportional to the cosine of the angle from the axis
+    /// in the tangential direction, and to the square of this cosine in the radial direction.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         let cosine = -direction.z;
         let step = self.tangent_per_pixel();

@@ -32,8 +32,8 @@ pub struct BucketStar {
     pub temperature_k: f32,
 }
 
-/// Returns the index of the layer for a magnitude: the last layer whose brightest magnitude is not fainter. Stars brighter than all layers belong to
-/// the first one.
+/// Returns the index of the layer for a magnitude: the last layer whose brightest magnitude is not fainter than this magnitude. Stars brighter than
+/// all layers belong to the first one.
 fn layer_of(v_mag: f32) -> usize {
     LAYERS.iter().rposition(|layer| v_mag >= f32::from(layer.magnitude)).unwrap_or(0)
 }
@@ -58,7 +58,7 @@ pub struct BucketLeaves {
     pub words: [Vec<u64>; LAYERS.len()],
     /// Number of stars of each leaf.
     pub counts: [Vec<u32>; LAYERS.len()],
-    /// Number of stars that were left out because another one equals them in every field.
+    /// Number of stars that were left out because they equal another star in every field.
     pub repeated: u64,
     /// Number of stars without colour that got the median temperature of their leaf or bucket.
     pub median_colour: u64,

@@ -1,8 +1,8 @@
 //! Builds a deep store in bounded memory, in two passes.
 //!
-//! The first pass distributes the stars of the leaves to a file for each cell of order 4 (20 bytes a star, [`spill`](super::spill)); bright stars are
-//! collected. The second pass reads cell by cell, encodes several at a time on all cores, and appends them in the order of the cells. Therefore the
-//! bytes of a store depend on its stars alone, and not on their order or the number of threads.
+//! The first pass distributes the stars of the leaves to a file for each cell of order 4 (20 bytes per star, [`spill`](super::spill)); bright stars
+//! are collected. The second pass reads cell by cell, encodes several at a time on all cores, and appends them in the order of the cells. Therefore
+//! the bytes of a store depend on its stars alone, and not on their order or the number of threads.
 //!
 //! With a range of cells ([`CellRange`]) the store is a part ([`part`](super::part)): it contains only the stars of these cells, and the other cells
 //! are empty.
@@ -109,9 +109,9 @@ pub struct NewStar {
 pub struct Limit {
     /// V magnitude of the faintest star that is kept.
     pub v_mag: f32,
-    /// Number of bright stars of exactly this magnitude that are kept; the first ones by cell of order 4 are kept.
+    /// Number of bright stars of exactly this magnitude that are kept. They are the first ones in the order of the cells of order 4.
     pub bright_ties: u64,
-    /// Number of stars in leaves of exactly this magnitude that are kept; the first ones by cell of order 4 are kept.
+    /// Number of stars in leaves of exactly this magnitude that are kept. They are the first ones in the order of the cells of order 4.
     pub leaf_ties: u64,
 }
 

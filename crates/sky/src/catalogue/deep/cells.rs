@@ -124,7 +124,7 @@ impl Longitude {
         Self { rad, sin, cos }
     }
 
-    /// Sine and cosine of another longitude. If it is near this one, they cost a third of the standard library's functions.
+    /// Sine and cosine of another longitude. If it is near this one, the computation takes a third of the time of the standard library's functions.
     fn sin_cos_of(self, rad: f64) -> (f64, f64) {
         let by = rad - self.rad;
         if by.abs() > NEAR_RAD {

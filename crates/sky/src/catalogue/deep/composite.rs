@@ -201,7 +201,7 @@ impl Quantiser {
 
 fn spread_code(spread: f64) -> u64 {
     let below = (LARGEST_SPREAD / spread).log10() * SPREAD_STEPS / SPREAD_DECADES;
-    // The logarithm is infinite if there is no spread: code 0. A spread below the smallest one also gets code 0.
+    // Without a spread the logarithm is infinite, which gives code 0. A spread below the smallest one also gets code 0.
     (SPREAD_STEPS + 1.0 - below.round()).clamp(0.0, SPREAD_STEPS + 1.0) as u64
 }
 

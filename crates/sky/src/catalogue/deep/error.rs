@@ -7,7 +7,7 @@ use super::super::galaxy::GalaxyError;
 use super::super::reader::CatalogueError;
 use super::super::store::StoreError;
 
-/// Errors of writing and reading a deep store.
+/// Errors from writing or reading a deep store.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DeepError {
@@ -105,7 +105,7 @@ pub enum DeepError {
         path: PathBuf,
     },
     /// An unfinished store of other inputs is next to the destination.
-    #[error("{}: an unfinished store of other inputs ({found}); remove it, or run the command that made it again", path.display())]
+    #[error("{}: an unfinished store of other inputs ({found}); remove it, or repeat the command that made it", path.display())]
     OtherJob {
         /// The unfinished store.
         path: PathBuf,

@@ -48,7 +48,7 @@ struct Row {
     v_mag: f64,
     teff_k: f64,
     distance_pc: Option<f64>,
-    /// Proper motion in right ascension times the cosine of the declination and in declination, mas a year, and radial velocity, km/s.
+    /// Proper motion in right ascension times the cosine of the declination and in declination, mas per year, and radial velocity, km/s.
     motion: Option<[f64; 3]>,
     ref_epoch: f64,
     name: String,

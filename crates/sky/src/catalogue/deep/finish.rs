@@ -42,7 +42,7 @@ pub struct Tally {
     pub counts: Counts,
     /// Stars in leaves without colour that got a median temperature.
     pub median_colour: u64,
-    /// Number of stars that were left out because another one is equal.
+    /// Number of stars that were left out because they equal another star.
     pub repeated: u64,
     /// Number of stars that were left out because they are also in the built-in table.
     pub listed_again: u64,
@@ -71,7 +71,7 @@ pub struct Tables {
 /// The bright stars that are kept, and numbers of those that are not.
 pub struct ReadyBright {
     pub stars: BrightStars,
-    /// Stars that were left out because another one is equal.
+    /// Stars that were left out because they equal another star.
     pub repeated: u64,
     pub listed_again: u64,
 }

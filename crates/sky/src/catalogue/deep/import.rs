@@ -7,7 +7,7 @@
 //!   column of errors keep their distance, or are at infinity if they have none.
 //! - Stars without colour get the median temperature of their leaf or, if it has none, of their cell of order 4. Bright stars without colour get the
 //!   Sun's temperature.
-//! - Stars within 2" and one magnitude of a star of `builtin:bright` are left out, if it is imported too.
+//! - If `builtin:bright` is imported too, stars of other catalogues within 2" and one magnitude of one of its stars are left out.
 //! - Rows that are equal to another one in position, brightness, colour and distance are left out.
 //!
 //! The report gives the number of stars for each rule.

@@ -66,7 +66,7 @@ impl Rows {
     }
 }
 
-/// Lines for some inputs together, under the given name; the first line sums up the others.
+/// Returns the lines for a group of inputs, under the given name; the first line sums up the others.
 pub fn input_lines(name: &str, inputs: &[ReadInput]) -> Vec<String> {
     let mut total = Rows::default();
     let mut sources: Vec<&str> = Vec::new();

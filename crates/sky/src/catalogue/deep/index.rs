@@ -400,7 +400,7 @@ mod tests {
             bytes[place] ^= 4;
             read(&bytes);
         }
-        // The same with a correct checksum: wrong counts, orders and text.
+        // Damage with a correct checksum: wrong counts, orders and text.
         let altered = |change: &dyn Fn(&mut Vec<u8>)| {
             let mut bytes = whole.clone();
             change(&mut bytes);

@@ -83,7 +83,7 @@ impl Part {
     fn open(folder: &Path) -> Result<Self, DeepError> {
         let store = DeepStore::open(folder)?;
         let Some(part) = store.index().part else {
-            let problem = "it is a whole store and not a part of one, which `--cells` makes";
+            let problem = "it is a whole store; a merge needs parts of a store, which `--cells` makes";
             return Err(DeepError::OtherPart { path: folder.to_owned(), problem: problem.to_owned() });
         };
         let record = PartRecord::read(folder, &part)?;

@@ -17,8 +17,8 @@
 //! | `plane-M-ORDER` | composite stars of the light fainter than V = M, tile by tile ([`tile`]) |
 //!
 //! Numbers are little-endian. Positions in leaves and planes are at the epoch given in the index, in the ICRS, as seen from the barycentre. Files are
-//! read by positioned reads into buffers of the caller's size: a mapped file that another program truncates would end the process. Every leaf and
-//! tile has a CRC-32 and is never returned if the checksum is wrong.
+//! read by positioned reads into buffers of the caller's size. They are not mapped into memory: if another program truncated a mapped file, the
+//! process would end. Every leaf and tile has a CRC-32 and is never returned if the checksum is wrong.
 //!
 //! [`live`] reads the stars that views need while they are drawn. [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars
 //! to it, [`merge`] joins parts that were made separately, [`check`], [`slice`] and [`export`] read whole stores.
@@ -102,8 +102,8 @@ pub const PLANES: [Plane; 15] = [
     Plane { magnitude: 17, order: 7 },
 ];
 
-/// Order of the coarsest planes. A cell of the bucket order contains 64 of their cells, so that rounding changes the sum of their light by at most
-/// 1e-6 (3.3e-6 with 16 cells).
+/// Order of the coarsest planes. A cell of the bucket order contains 64 cells of this order. Therefore rounding changes the sum of its light by at
+/// most 1e-6; with 16 cells, the change could be 3.3e-6.
 pub const COARSEST_PLANE: u8 = 7;
 
 /// Order of the cells whose sums of light are in the index.

@@ -8,11 +8,11 @@ use super::super::StarRecord;
 use super::super::names::StarNames;
 use crate::units::ARCSECOND_RAD;
 
-/// Stars brighter than this V magnitude are bright stars.
+/// Stars brighter than this V magnitude count as bright stars.
 pub const BRIGHTER_THAN: f32 = 13.0;
-/// Stars nearer than this are bright stars, pc.
+/// Stars nearer than this distance, pc, count as bright stars.
 pub const NEARER_THAN_PC: f64 = 100.0;
-/// Stars with a larger proper motion are bright stars, arcsec a Julian year.
+/// Stars with a larger proper motion than this, arcsec per Julian year, count as bright stars.
 pub const FASTER_THAN_ARCSEC: f64 = 0.2;
 
 /// Stars of a catalogue within this angle of a star of the built-in table, and within this difference in magnitude, are taken to be that star.
@@ -21,7 +21,7 @@ const SAME_WITHIN_MAG: f64 = 1.0;
 /// HEALPix order of the cells in which such stars are searched: 3.4 arcminutes wide.
 const SEARCH_ORDER: u8 = 10;
 
-/// Proper motion of a star with a velocity as in [`StarVelocity`](super::super::motion::StarVelocity), arcsec a Julian year.
+/// Proper motion of a star with a velocity as in [`StarVelocity`](super::super::motion::StarVelocity), arcsec per Julian year.
 pub fn proper_motion_arcsec(star: &StarRecord, velocity: [f32; 3]) -> f64 {
     let velocity = Vec3::from_array(velocity).as_dvec3();
     let distance = star.position.length();

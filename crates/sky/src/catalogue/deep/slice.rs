@@ -105,7 +105,7 @@ pub fn each_leaf_star(
     Ok(())
 }
 
-/// The same for a single-file store.
+/// Passes the stars of a single-file store that meet conditions to `sink`.
 ///
 /// # Errors
 /// `sink` fails.

@@ -194,8 +194,8 @@ fn blueness(position: f64) -> f64 {
 }
 
 impl ColourCarry {
-    /// Returns the code of a temperature in kelvin for a star of `illuminance_lx`: of the next lower and the next higher code, the one that leaves
-    /// the smaller remainder.
+    /// Returns the code of a temperature in kelvin for a star of `illuminance_lx`. Chooses between the next lower and the next higher code: the one
+    /// that leaves the smaller remainder.
     pub fn code(&mut self, temperature_k: f64, illuminance_lx: f64) -> u32 {
         let position = temperature_position(temperature_k);
         let exact = blueness(position);

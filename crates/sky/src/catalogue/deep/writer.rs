@@ -35,8 +35,8 @@ pub struct BucketRecord {
     pub tiles: Vec<Segment>,
     /// Light of each layer in its four cells of order 5.
     pub sums: Vec<[f64; 3]>,
-    /// Numbers of stars: those that were left out because another one is equal; those with a median colour; those of the limiting magnitude that may
-    /// still follow.
+    /// Numbers of stars: those that were left out because they equal another star; those with a median colour; those of the limiting magnitude that
+    /// later buckets may still keep.
     pub counts: [u64; 3],
 }
 
@@ -234,7 +234,7 @@ impl Writer {
         self.records.len() as u64
     }
 
-    /// Stars of the limiting magnitude that may still follow; `None` before the first bucket.
+    /// Number of stars of the limiting magnitude that later buckets may still keep; `None` before the first bucket.
     pub fn ties_left(&self) -> Option<u64> {
         self.records.last().map(|record| record.counts[2])
     }
@@ -259,7 +259,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Numbers of stars that were left out because another one is equal, and of stars that got a median colour.
+    /// Numbers of stars that were left out because they equal another star, and of stars that got a median colour.
     pub fn counts(&self) -> [u64; 2] {
         [0, 1].map(|count| self.records.iter().map(|record| record.counts[count]).sum())
     }

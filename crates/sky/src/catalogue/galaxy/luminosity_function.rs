@@ -99,8 +99,8 @@ const EVOLVED_K: [(f64, f64); 8] = [
     (5.0, 5_300.0),
 ];
 
-/// Some stars of the young "main sequence" that are brighter than this absolute magnitude are supergiants: the share below. Their temperatures are
-/// between the two limits (distributed uniformly in the logarithm).
+/// Of the stars of the young "main sequence" that are brighter than this absolute magnitude, the share [`SUPERGIANT_SHARE`] are supergiants. Their
+/// temperatures are between the two limits (distributed uniformly in the logarithm).
 const SUPERGIANTS_FROM: f64 = -3.5;
 const SUPERGIANT_SHARE: f64 = 0.5;
 const SUPERGIANT_K: (f64, f64) = (3_500.0, 25_000.0);

@@ -1,4 +1,4 @@
-//! A synthetic Milky Way: the stars that are brightest from the Sun, drawn from a model of the galaxy.
+//! A synthetic Milky Way: the stars that appear brightest from the Sun, drawn from a model of the galaxy.
 //!
 //! The model has a thin disc in three layers (luminous stars in the thinnest), a thick disc, a bar-shaped bulge and a halo (`structure`), a
 //! luminosity function with temperatures for each of them (`luminosity_function`), and dust with clouds (`dust`, `clouds`). The module `sightlines`
@@ -81,7 +81,7 @@ pub struct Galaxy {
     pub unresolved: Option<DiffuseSky>,
 }
 
-/// Errors of making a galaxy.
+/// Errors from generating a galaxy.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum GalaxyError {
@@ -144,7 +144,7 @@ pub fn kept_or_generated(parameters: &GalaxyParameters) -> Result<Galaxy, Galaxy
     cache::kept_or_made(kept::PART, &[inputs.as_bytes()], kept::FORM, || generate(parameters))
 }
 
-/// Makes exactly `parameters.stars` stars, and the light of the stars that are fainter than all of them.
+/// Generates exactly `parameters.stars` stars, and the light of the stars that are fainter than all of them.
 ///
 /// The same parameters give the same stars, bit for bit, with any number of threads. The documentation of this module defines positions, magnitudes
 /// and temperatures.
@@ -171,7 +171,7 @@ fn generate_from<S: Borrow<Sky>>(
 /// Draws the stars as [`draw`] does, and computes the light of the fainter stars if it is requested.
 fn draw_with_light(sky: &Sky, parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
     let stars = draw(sky, parameters)?;
-    // The faintest drawn star has the magnitude up to which this number of stars is expected.
+    // The magnitude of the faintest drawn star is taken to be the one up to which this number of stars is expected.
     let unresolved = parameters.unresolved_light.then(|| {
         let left_out = sky.brighter_than(parameters.fainter_than.unwrap_or(f64::NEG_INFINITY));
         let faintest = sky.magnitude_with(left_out + parameters.stars as f64, FAINTEST_APPARENT_MAGNITUDE);

@@ -135,7 +135,7 @@ impl Sky {
         stars
     }
 
-    /// The same for blocks that do not fit in memory: passes the stars to `sink` one by one.
+    /// As [`Self::draw_block`], for blocks that do not fit in memory: passes the stars to `sink` one by one.
     pub fn draw_block_into(
         &self,
         block: usize,

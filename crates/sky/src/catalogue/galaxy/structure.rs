@@ -35,7 +35,7 @@ const HALO_CORE_PC: f64 = 1000.0;
 
 /// Semi-axes of the bar-shaped bulge, parsecs: along the bar, across it in the plane, vertical.
 const BULGE_AXES_PC: [f64; 3] = [1580.0, 620.0, 430.0];
-/// Angle between the bar and the line from the Sun to the centre; the near end is at positive longitudes. Degrees.
+/// Angle between the bar and the line from the Sun to the centre, degrees. The near end is at positive longitudes.
 const BULGE_ANGLE_DEG: f64 = 27.0;
 /// Central density of the bulge relative to the old disc at the Sun: 1.3e10 solar masses in the volume above, against
 /// 0.03 solar masses per cubic parsec.
@@ -132,7 +132,7 @@ impl Place {
         self.density_for(population, self.disc_arguments())
     }
 
-    /// The same, if the arguments of the disc are already known.
+    /// Relative density of a population, if the arguments of the disc are already known.
     fn density_for(self, population: Population, arguments: [f64; 2]) -> f64 {
         match population {
             Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {

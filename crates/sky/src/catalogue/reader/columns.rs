@@ -472,7 +472,7 @@ mod tests {
     fn other_columns_decide_between_hours_and_degrees() {
         assert_eq!(unit("id,hip,proper,ra,dec,dist,mag,absmag,ci,x,y,z"), RaUnit::HoursUnlessRefuted);
         assert_eq!(unit("id,tyc,gaia,ra,dec,pos_src,dist,x0,y0,z0,dist_src,mag,absmag,ci"), RaUnit::HoursUnlessRefuted);
-        assert_eq!(unit("name,ra,dec,mag,dist"), RaUnit::Unknown, "nothing of it is of HYG alone");
+        assert_eq!(unit("name,ra,dec,mag,dist"), RaUnit::Unknown, "no column occurs only in HYG");
         assert_eq!(unit("ra_hours,dec,v_mag"), RaUnit::Hours);
         assert_eq!(unit("source_id,ra,dec,parallax,phot_g_mean_mag,bp_rp"), RaUnit::Degrees);
         assert_eq!(unit(" RA_DEG , Dec_Deg ,V_MAG"), RaUnit::Degrees);

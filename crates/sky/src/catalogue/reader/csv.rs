@@ -62,7 +62,7 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
     read(source, file, &years.into())
 }
 
-/// The same, with a receiver of the stars.
+/// Reads in the same way; `reading` may contain a receiver of the stars.
 pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let mut lines = Lines::new(source, file);
     if !lines.advance()? {

@@ -48,7 +48,7 @@ fn an_incomplete_votable_is_refused() {
     }
 }
 
-/// Barnard's star moves by 10.36 arcseconds a year.
+/// Barnard's star moves by 10.36 arcseconds per year.
 #[test]
 fn frames_of_votable_and_fits_are_believed_or_refused() {
     let fields = "<FIELD name=\"ra\" unit=\"deg\" datatype=\"double\" ref=\"f\"/><FIELD name=\"dec\" unit=\"deg\" datatype=\"double\" ref=\"f\"/>\

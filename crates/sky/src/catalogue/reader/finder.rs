@@ -94,7 +94,7 @@ impl Finder<'_> {
         self.quantity_in(quantity, None, candidates)
     }
 
-    /// The same. `unstated` is the unit that the source uses if the file states none.
+    /// As [`Self::quantity`]. `unstated` is the unit that the source uses if the file states none.
     pub(super) fn quantity_in(
         &mut self,
         quantity: Quantity,

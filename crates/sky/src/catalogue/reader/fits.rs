@@ -61,7 +61,7 @@ pub fn read_fits_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     read(source, file, &years.into())
 }
 
-/// The same, with a receiver of the stars.
+/// Reads in the same way; `reading` may contain a receiver of the stars.
 pub(super) fn read(mut source: impl Read, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let malformed =
         |place: RowPlace, reason: String| CatalogueError::Malformed { file: file.to_owned(), place, reason };

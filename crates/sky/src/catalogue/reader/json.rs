@@ -34,12 +34,12 @@ pub fn read_json(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueErro
 /// Reads a JSON catalogue from `source`; messages call it `file`.
 ///
 /// # Errors
-/// As [`read_json`], apart from opening.
+/// Those of [`read_json`], except for errors of opening the file.
 pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     read(source, file, &years.into())
 }
 
-/// The same, with a receiver of the stars.
+/// Reads in the same way; `reading` may contain a receiver of the stars.
 pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let mut bytes = Vec::new();
     // Read one byte more than the limit to detect that the document exceeds it.
@@ -248,8 +248,8 @@ fn fill(
     Ok(())
 }
 
-/// Returns the line, from 1, on which each entry of the list begins. `text` must be valid JSON. The list is the
-/// document itself, or the value of `key` in it (the last one if there are several, as in the parser).
+/// Returns the number of the line, counted from 1, on which each entry of a list begins. `text` must be valid JSON. Without a `key`, the list is the
+/// document itself; otherwise it is the value of `key` in the document. If the key occurs several times, the last value is used, as in the parser.
 fn entry_lines(text: &[u8], key: Option<&str>) -> Vec<usize> {
     let list_depth = if key.is_some() { 2 } else { 1 };
     let mut lines = Vec::new();

@@ -51,7 +51,7 @@ const NEAREST_PC: f64 = 1e-6;
 /// No star other than the Sun is nearer.
 const NO_STAR_WITHIN_PC: f64 = 1.0;
 
-/// Largest accepted proper motion, mas a year (the largest known one is 10,400), and radial velocity, km/s.
+/// Largest accepted proper motion, mas per year (the largest known one is 10,400), and radial velocity, km/s.
 const MOST_MAS_YR: f64 = 1e5;
 const MOST_KM_S: f64 = 1e5;
 
@@ -204,7 +204,7 @@ pub(super) fn star<'a>(
             }
             None => Refusal::of_kind(
                 "the magnitude is outside the range that can be stored",
-                format!("V = {apparent_mag}: {stored}; a star without distance is treated as if it were at 1 pc"),
+                format!("V = {apparent_mag}: {stored}; a star without a distance counts as 1 pc away"),
             ),
         });
     }

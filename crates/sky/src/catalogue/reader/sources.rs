@@ -144,8 +144,8 @@ impl Source {
         (self == Self::BrightStars).then_some("arcsec")
     }
 
-    /// Unit of proper motions in a file without units that has the columns `names`; `None` means milliarcseconds a year. Returns an error if they are
-    /// not angles.
+    /// Unit of proper motions in a file without units that has the columns `names`; `None` means milliarcseconds per year. Returns an error if they
+    /// are not angles.
     pub(super) fn motion_unit(self, names: &[String]) -> Result<Option<&'static str>, &'static str> {
         let has = |name: &str| names.iter().any(|known| known == name);
         if self == Self::BrightStars || (self == Self::Vizier && has("lspm")) {

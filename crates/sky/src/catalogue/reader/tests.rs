@@ -372,7 +372,8 @@ fn json_object_with_stars() {
     assert!(report.first_rejected[0].reason.contains("entry 2: is not an object"));
 }
 
-/// A key that an entry lacks is a missing value, even if the previous entry has it. As many keys as entries must not take quadratic time.
+/// A key that an entry lacks is a missing value, even if the previous entry has it. A document with as many keys as entries must not take quadratic
+/// time.
 #[test]
 fn json_entries_do_not_inherit_values_of_the_previous_entry() {
     let stars =

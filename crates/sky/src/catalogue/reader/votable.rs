@@ -48,7 +48,7 @@ struct Column {
 enum Form {
     Text,
     Binary,
-    /// Binary, with a bit for each field that tells whether it is missing.
+    /// Binary, with a bit for each field that states whether its value is missing.
     Binary2,
 }
 
@@ -89,7 +89,7 @@ pub fn read_votable_from(source: impl BufRead, file: &str, years: f64) -> Result
     read(source, file, &years.into())
 }
 
-/// The same, with a receiver of the stars.
+/// Reads in the same way; `reading` may contain a receiver of the stars.
 pub(super) fn read(source: impl BufRead, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let mut reader = Reader::from_reader(Bounded { source, left: MOST_BYTES });
     reader.config_mut().expand_empty_elements = true;

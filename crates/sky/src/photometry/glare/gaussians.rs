@@ -3,9 +3,9 @@
 //! Their sum is nearly c / theta^2 with c near 1 / ln 2: the deviation is at most 0.95 % from 0.2 to 90 degrees.
 //!
 //! The common factor 1 / sqrt(2 pi) of equation 3 is left out; the integral over the sphere is normalised to 1. An
-//! inner angle removes the narrower Gaussians, so that the narrowest sigma is that angle or up to twice as wide
-//! (2^-10 degrees for smaller inner angles). The remaining plateau has the value of c / theta^2 at 1.04 times the
-//! narrowest sigma.
+//! inner angle removes the narrower Gaussians, so that the narrowest sigma is one to two times that angle (2^-10
+//! degrees for smaller inner angles). The remaining plateau has the value of c / theta^2 at 1.04 times the narrowest
+//! sigma.
 
 use super::normalised::Shape;
 

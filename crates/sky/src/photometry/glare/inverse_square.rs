@@ -14,7 +14,7 @@ pub struct InverseSquareKernel {
 
 /// Integral of sin(t) / t^2 from 0 to `x` without its first term 1 / t: the rest of the sine's series.
 fn regular_part(x: f64) -> f64 {
-    // Terms (-1)^k x^(2k) / (2k (2k+1)!): for x up to pi twenty of them are exact.
+    // Terms (-1)^k x^(2k) / (2k (2k+1)!): for x up to pi, twenty of them give the exact value.
     let mut sum = 0.0;
     let mut term = 1.0;
     for k in 1..=20 {

@@ -1,4 +1,4 @@
-//! Glare: the fall-off of light scattered in the eye or the lens with the angle from its source.
+//! Glare: how light scattered in the eye or the lens falls off with the angle from its source.
 //!
 //! A kernel is a function of the angle between two directions only. Its integral over the sphere is 1; the share of
 //! the light that is scattered is a separate number. Units: radians, 1/sr.
@@ -62,7 +62,7 @@ pub trait GlareKernel: Send + Sync {
     fn inner_rad(&self) -> f64;
 }
 
-/// Errors of making a kernel.
+/// Errors from making a kernel.
 #[derive(Debug, thiserror::Error)]
 pub enum GlareKernelError {
     /// The kernel `psf` has no file.

@@ -41,7 +41,7 @@ fn ring(shape: &impl Shape, from_rad: f64, to_rad: f64) -> f64 {
 }
 
 impl<S: Shape> Normalised<S> {
-    /// The kernel of a shape; `None` if its integral is not a positive number.
+    /// Creates the kernel of a shape; `None` if its integral is not a positive number.
     pub fn new(shape: S) -> Option<Self> {
         const PANELS_PER_E: f64 = 100.0;
         // The disc within the first knot has 1e-8 of the light within the inner angle.

@@ -61,7 +61,7 @@ impl PsfTable {
         Ok(Self { path: path.to_owned(), rows, inner_rad })
     }
 
-    /// The kernel, constant within an inner angle above 0, rad.
+    /// Creates the kernel, which is constant within an inner angle above 0, rad.
     ///
     /// # Errors
     /// [`GlareKernelError::Inner`] if that angle covers the whole table, [`GlareKernelError::File`] if it has no

@@ -35,7 +35,7 @@ impl SoftCore {
     pub fn new(kernel: &dyn GlareKernel, angle_rad: f64) -> Self {
         // Distance on either side at which noise, rows and the end of a table do not distort the slope.
         const SIDE: f64 = 1.2;
-        // Steeper than any eye; also limits the slope at the end of a table.
+        // Limit of the slope: steeper than the glare of any eye. It also limits the slope at the end of a table.
         const STEEPEST: f64 = 2.5;
         let squared = chord_squared(angle_rad);
         let density = |u: f64| kernel.per_sr(angle_of_chord_squared((u * squared).min(4.0)));

@@ -64,8 +64,8 @@ impl CropRule {
         (illuminance_lx * self.spike_constant / threshold_cd_m2).sqrt().min(full).max(self.pixel_rad.min(full))
     }
 
-    /// The same from the texture's values: the smallest square of whole pixels such that no pixel outside reaches the
-    /// threshold. 0 if no pixel reaches it.
+    /// As [`Self::half_angle_rad`], but from the texture's values: the smallest square of whole pixels such that no
+    /// pixel outside reaches the threshold. 0 if no pixel reaches it.
     pub fn exact_half_angle_rad(&self, illuminance_lx: f64, threshold_cd_m2: f64) -> f64 {
         let rings = self.largest_from.partition_point(|density| illuminance_lx * density >= threshold_cd_m2);
         self.outer_edge_rad(rings)

@@ -7,8 +7,9 @@
 //! inverted everywhere.
 //!
 //! **For drawing**, the form is interpolated between the centres of pixels, then divided by theta^2 plus that sixth
-//! ([`InverseSquare::density`]). Near the star this differs from interpolation of the texture itself, and its
-//! integral is not the star's light; [`InverseSquare::holding_light`] scales each channel so that it is.
+//! ([`InverseSquare::density`]). Near the star this differs from interpolation of the texture itself, and its integral
+//! is not the star's light; [`InverseSquare::holding_light`] scales each channel so that the integral is the star's
+//! light.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -18,7 +19,7 @@ use crate::photometry::rec709::luminance;
 
 /// Distance from the star within which the division is steep, pixels.
 const STEEP_PX: f64 = 4.0;
-/// Integration points along a side of a pixel: within that distance, and beyond it.
+/// Numbers of integration points along a side of a pixel, within that distance and beyond it.
 const POINTS: [u32; 2] = [16, 4];
 
 /// A point-spread function in inverse-square form.

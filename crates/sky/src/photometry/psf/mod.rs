@@ -59,7 +59,7 @@ pub const MAX_WIDTH_RAD: f64 = 0.35;
 /// Temperature of the black body whose light is closest to the display's white D65, kelvin.
 pub const WHITE_K: f64 = 6504.0;
 
-/// Errors of making, reading and writing a point-spread function.
+/// Errors from making, reading or writing a point-spread function.
 #[derive(Debug, Error)]
 pub enum PsfError {
     /// A parameter is out of range.
@@ -153,7 +153,7 @@ pub struct Optics {
     pub size: u32,
     /// Angle of a pixel, radians; the texture is at most [`MAX_WIDTH_RAD`] wide.
     pub pixel_rad: f64,
-    /// Number of wavelengths, 1 to [`MAX_WAVELENGTHS`]. With few of them, fringes far from the centre are separate.
+    /// Number of wavelengths, 1 to [`MAX_WAVELENGTHS`]. If there are few, fringes far from the centre do not merge.
     pub wavelengths: usize,
     /// Temperature of the star, kelvin, in [`TEMPERATURES_K`].
     pub temperature_k: f64,

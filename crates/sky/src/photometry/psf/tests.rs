@@ -118,7 +118,8 @@ fn a_circle_gives_the_airy_pattern() {
     assert!((ring - 1.22).abs() < 0.0122, "{ring}");
     assert!((inside - 0.8378).abs() < 2e-3, "{inside}");
     assert!(error < 2e-3, "{error}");
-    // The light outside radius r is 2 / (pi^2 r) for r >> 1 lambda / D: within 16 of them there is 0.98733.
+    // The light outside radius r is 2 / (pi^2 r) if r, in units of lambda / D, is much greater than 1. Within 16 lambda
+    // / D there is 0.98733 of the light.
     let wide = psf.encircled_energy(15.9 * fringe_rad()) * psf.covered;
     println!("light within 15.9 lambda/D {wide:.5}, asymptotically {:.5}", 1.0 - 2.0 / (PI * PI * 15.9));
     assert!((wide - (1.0 - 2.0 / (PI * PI * 15.9))).abs() < 2e-3, "{wide}");

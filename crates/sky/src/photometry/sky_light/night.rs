@@ -5,8 +5,8 @@
 //! horizon, where no direct light passes, the sky has the luminance of the air itself, which is lit from all sides (R.
 //! H. Garstang, PASP 101, 306, 1989; S. Noll et al., A&A 543, A92, 2012, section 3.6). The mean light at each height
 //! and the light of the ground solve a linear system. The light has no sharp features. So scattering by aerosol, which
-//! is mostly forwards, is reduced by the factor of one minus its asymmetry (similarity relation of H. C. van de Hulst,
-//! "Multiple light scattering", 1980, chapter 14), and the rest is isotropic.
+//! is mostly forwards, is multiplied by one minus its asymmetry (similarity relation of H. C. van de Hulst, "Multiple
+//! light scattering", 1980, chapter 14), and is then treated as isotropic.
 
 use std::f64::consts::PI;
 
@@ -28,10 +28,10 @@ const STEPS: usize = 32;
 /// Unknowns: the mean light at the heights, and the luminance of the ground.
 const UNKNOWNS: usize = HEIGHTS + 1;
 /// Number of iterations that solve the system: each adds an order of scattering, which has less than half of the light
-/// of the one before.
+/// of the previous order.
 const ORDERS: usize = 40;
 
-/// Light along a line of sight in one channel: known light, and factors on the unknowns.
+/// Light along a line of sight in one channel: known light, and factors for the unknowns.
 #[derive(Clone, Copy)]
 struct Line {
     known: f64,

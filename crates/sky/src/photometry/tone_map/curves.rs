@@ -85,7 +85,8 @@ mod tests {
 
     #[test]
     fn filmic_is_already_encoded() {
-        // As linear light it would be far too bright; decoded with 2.2 it is near the input at middle grey.
+        // If the result were linear light, it would be far too bright. Decoded with a gamma of 2.2, it is near the
+        // input at middle grey.
         assert!((filmic(0.18).powf(2.2) / 0.18 - 1.0).abs() < 0.3);
         assert!(filmic(0.18) / 0.18 > 2.5);
         assert!(linear_from_srgb(filmic(0.18)) < 0.25);

@@ -45,7 +45,7 @@ impl Angles {
     }
 }
 
-/// Rounding of angles to tiles.
+/// How angles are rounded to tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rounding {
     /// Up to the next tile, as published.
@@ -82,11 +82,11 @@ pub fn reachable(tiles: u32) -> u32 {
     tiles * ((quarter - lowest + 1) as u32).min(tiles)
 }
 
-/// Change of pitch and roll, rad, when an asteroid whose yaw is `from_pole_rad` from a quarter turn is tilted
-/// by `tilt_rad` around the axis that does not change its yaw.
+/// Returns the changes of pitch and roll, rad, that a tilt by `tilt_rad` causes. The asteroid's yaw is `from_pole_rad` from a quarter turn, and the
+/// axis of the tilt leaves the yaw unchanged.
 pub fn pole_swing_rad(from_pole_rad: f64, tilt_rad: f64) -> [f64; 2] {
     let before = Angles { pitch_rad: 0.3, yaw_rad: 0.5 * PI - from_pole_rad, roll_rad: -0.4 };
-    // The axis of the tilt is x of the axes that are turned by the roll only.
+    // The axis of the tilt is the x axis, turned by the roll only.
     let middle = DMat3::from_rotation_z(before.roll_rad);
     let axis = middle * DVec3::X;
     let after = Angles::from_rotation(DMat3::from_axis_angle(axis, tilt_rad) * before.matrix());

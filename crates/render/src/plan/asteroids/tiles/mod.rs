@@ -1,7 +1,7 @@
 //! The tile of an atlas that replaces an asteroid, and its error. Pure f64 functions.
 //!
 //! A tile is an orthographic picture of the shape from one direction. *direction* points from the shape to the eye, *right* and *up* are the
-//! picture's axes, all in the shape's axes, right x up = direction. View axes are +x right, +y up, looking along -z. `view_from_shape` is the
+//! picture's axes, all in the shape's axes, with right x up = direction. View axes are +x right, +y up, looking along -z. `view_from_shape` is the
 //! apparent rotation of the asteroid in the view. *To the eye* is the unit vector from the asteroid to the eye; at the centre of a view that is +z.
 //!
 //! - `euler` selects a tile by the camera's orientation, as published;
@@ -149,7 +149,7 @@ pub fn orientation_error_rad(method: ImpostorMethod, view_from_shape: DMat3, to_
     Some(rotation_angle_rad(picture, true_picture))
 }
 
-/// Number of tiles that are displayed for some orientation, including those for an exact pole only.
+/// Number of tiles that some orientation displays, including tiles that only an exact pole displays.
 pub fn reachable_tiles(layout: AtlasLayout, tiles: u32) -> u32 {
     match layout {
         AtlasLayout::Euler => euler::reachable(tiles),
@@ -157,7 +157,7 @@ pub fn reachable_tiles(layout: AtlasLayout, tiles: u32) -> u32 {
     }
 }
 
-/// Angle between two non-zero vectors, rad; accurate also if the cosine would cancel.
+/// Angle between two non-zero vectors, rad; accurate even if the cosine would cancel.
 pub fn angle_between_rad(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }

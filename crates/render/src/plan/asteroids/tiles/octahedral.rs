@@ -3,13 +3,13 @@
 //!
 //! A direction is divided by the sum of its absolute coordinates, which maps it onto an octahedron; the map shows the upper half from above, and the
 //! four lower faces are folded out to the corners (Meyer, Suessmuth, Sussner, Stamminger, Greiner: "On floating-point normal vectors", 2010). Tile
-//! centres are half a tile inside the border. Beyond a border the map continues at the mirrored position of the same border, and beyond a corner at
-//! the other three.
+//! centres are half a tile inside the border. Beyond a border the map continues at the mirrored position of the same border. Beyond a corner it
+//! continues at the other three corners.
 //!
-//! Three tiles are blended by the corners of a triangle of the grid of tile centres. A face of the octahedron is flat on the map and divided into
-//! equilateral triangles if cells are divided along the fold between upper and lower faces; cells across a border are divided in one direction, which
-//! is the same for the cell as seen from either side. On every edge of the grid, the weights are linear between its two tiles, so they are continuous
-//! everywhere.
+//! Three tiles are blended by the corners of a triangle of the grid of tile centres. A face of the octahedron is flat on the map, and is divided into
+//! equilateral triangles if cells are divided along the fold between upper and lower faces. A cell that crosses a border appears at two mirrored
+//! positions of that border, and is divided in the same direction at both. On every edge of the grid, the weights are linear between its two tiles,
+//! so they are continuous everywhere.
 
 use glam::{DVec2, DVec3};
 

@@ -12,7 +12,7 @@ use super::{
 
 const N: u32 = 32;
 
-/// Numbers evenly distributed over 0 to 1: the additive recurrence of the plastic number's generalisation (Roberts 2018).
+/// Numbers that are evenly distributed from 0 to 1, by the additive recurrence of the plastic number's generalisation (Roberts 2018).
 fn spread(i: u32, axis: i32) -> f64 {
     let g: f64 = 1.220_744_084_605_759_6;
     (0.5 + f64::from(i) * g.powi(-axis)).fract()
@@ -138,14 +138,14 @@ fn the_map_is_invertible_and_axes_are_right_handed() {
             let tile = AtlasTile { column: index % N, row: index / N };
             let middle = octahedral::decode(octahedral::middle(tile, N));
             assert!(layout == AtlasLayout::Euler || middle.abs_diff_eq(axes.direction, 1e-12));
-            // A tile on the fold has the axes of the upper half, whatever rounding does to z = 0.
+            // A tile on the fold has the axes of the upper half, even if rounding changes z = 0.
             let on_fold = layout == AtlasLayout::Octahedral && axes.direction.z.abs() < 1e-9;
             assert!(!on_fold || axes.right.x >= 0.0 && axes.direction.z == 0.0);
         }
     }
 }
 
-/// Greatest change of any tile's weight over a step of `step` rad along a circle, for circles all over the sphere.
+/// Greatest change of any tile's weight in a step of `step` rad along a circle, for circles all over the sphere.
 fn weight_jump(blend: impl Fn(DVec3) -> [(AtlasTile, f64); 3], step: f64) -> f64 {
     let mut worst = 0.0_f64;
     for circle in rotations(40) {
@@ -171,11 +171,10 @@ fn weights_are_continuous_over_cells_octants_and_borders() {
     for tiles in [4, 7, 32] {
         let step = 1e-3;
         let jump = weight_jump(|d| octahedral::blended(d, tiles), step);
-        // A weight goes from 0 to 1 over a tile; tiles are smallest near the corners of a face, half as wide as at its
-        // centre.
+        // A weight grows from 0 to 1 across one tile. Tiles are smallest near the corners of a face, where they are half as wide as at its centre.
         assert!(jump < 1.5 * step * f64::from(tiles), "{tiles}: {jump}");
     }
-    // A single tile jumps, and so does a blend that wraps around at a border instead of mirroring.
+    // The weight of a single tile jumps, and so do those of a blend that wraps around at a border instead of mirroring.
     let around = |d: DVec3| {
         let wrong =
             |t: AtlasTile| AtlasTile { column: t.column, row: if t.column == N - 1 { N - 1 - t.row } else { t.row } };
@@ -226,7 +225,7 @@ fn squares_in_the_image_plane_shrink_off_the_axis() {
 
 #[test]
 fn turning_the_head_changes_only_the_published_choice() {
-    // The same asteroid is seen from the same position, with the head turned.
+    // The asteroid is seen from the same position, but with the head turned.
     let to_eye = DVec3::new(0.3, -0.2, 0.9).normalize();
     for (view_from_shape, head) in rotations(300).zip(rotations(600).skip(300)) {
         for method in [Octahedral, OctahedralBlend] {

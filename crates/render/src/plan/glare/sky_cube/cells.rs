@@ -134,12 +134,12 @@ pub(super) struct Sky<'a> {
     pub motion: Option<Motion>,
     pub local_sky: Option<&'a LocalSky>,
     pub faintest_lx: f64,
-    /// Nearer stars have a separate direction for each eye, pc.
+    /// Distance below which a star has a separate direction for each eye, pc.
     pub near_pc: f64,
 }
 
 impl Sky<'_> {
-    /// Stars of a chunk that may scatter light: position relative to the camera, pc.
+    /// Returns the stars of a chunk that may scatter light, with their positions relative to the camera, pc.
     pub(super) fn stars(&self, visible: &VisibleChunk) -> impl Iterator<Item = (DVec3, &PackedStar)> {
         near_stars(self.set, &self.set.chunks[visible.chunk], visible.origin_pc).take(visible.count as usize)
     }
@@ -167,8 +167,8 @@ impl Sky<'_> {
         })
     }
 
-    /// Bins all stars, with `cells` cells along an edge of a face. `counts_brightnesses`: counts them by brightness too. With `far`, most distant
-    /// stars are not read.
+    /// Bins all stars, with `cells` cells along an edge of a face. `counts_brightnesses`: whether the stars are also counted by brightness. With
+    /// `far`, most distant stars are not read.
     pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool, far: Option<&mut FarLight>) -> Gathered {
         let (distant, near) = match far {
             Some(far) => far.seen(self, cells),
@@ -195,7 +195,7 @@ impl Sky<'_> {
         }
         let Group { mut sums, mut near, brightnesses } = whole;
         let light = |near: &NearStar| light_at(near.place_pc, &near.star, self.motion);
-        // The sort is stable, so that the same stars have the same order.
+        // The sort is stable, so that the same stars are always in the same order.
         near.sort_by(|a, b| light(b).total_cmp(&light(a)));
         for NearStar { place_pc, star } in near.drain(near.len().min(MOST_NEAR)..) {
             if let Some(source) = self.source(place_pc, &star, self.faintest_lx) {
@@ -242,7 +242,7 @@ pub(super) fn grouped<I: Sync, S: Send>(
     items.par_chunks(per_group).map(sum).collect()
 }
 
-/// The brightest [`MOST_SPRITES`], in their original order. The light of the others stays in the map.
+/// Selects the brightest [`MOST_SPRITES`], in their original order. The light of the others stays in the map.
 fn brightest(mut sprites: Vec<Sprite>) -> Vec<Sprite> {
     if sprites.len() > MOST_SPRITES {
         let mut lights: Vec<f64> = sprites.iter().map(|sprite| luminance(sprite.light)).collect();
@@ -260,7 +260,7 @@ fn finished(sums: &[Moments], cells: u32) -> Vec<Cell> {
     sums.iter().enumerate().map(cell).collect()
 }
 
-/// The cells of a level with half as many along an edge.
+/// Combines cells into those of a level with half as many cells along an edge.
 pub(super) fn halved(fine: &[Cell], fine_cells: u32) -> Vec<Cell> {
     let cells = fine_cells / 2;
     let mut sums = vec![Moments::default(); fine.len() / 4];

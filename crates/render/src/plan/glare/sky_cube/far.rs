@@ -1,12 +1,13 @@
 //! Light of distant stars, kept while the camera flies.
 //!
-//! Space is divided into cubes of several sizes; each cube contains sixty-four of the next smaller size. Stars that are far from the camera's cube,
-//! compared with the cube's side, are summed by cells of the sky, as seen from the centre of the largest cube for which this holds: their light,
-//! centroid and mean parallax. For other positions in that cube, each sum is moved like a single star. So during a flight only the stars around the
-//! camera are read repeatedly; the others are read when the camera leaves a cube. The result depends on the position of the camera, not on its path.
+//! Space is divided into cubes of several sizes; each cube contains sixty-four of the next smaller size. A star is far from a cube if its distance is
+//! large compared with the cube's side. For each star, the largest cube that contains the camera and from which the star is far is selected. Its
+//! light is added to a cell of the sky, as seen from the centre of that cube; a cell's sum has light, centroid and mean parallax. For other positions
+//! in that cube, each sum is moved like a single star. So during a flight only the stars around the camera are read repeatedly; the others are read
+//! only when the camera leaves a cube. The result depends on the position of the camera, not on its path.
 //!
-//! The error is of second order in the displacement over the distance, at most 0.87 / 48: below a millionth of the light of the sky, and 1.4 % of the
-//! light of any part of 3 degrees. Most of the latter is due to the cells (`tests`).
+//! The error is of second order in the ratio of displacement to distance, which is at most 0.87 / 48. It is below a millionth of the light of the
+//! sky, and 1.4 % of the light of any part of 3 degrees. Most of this 1.4 % is due to the cells (`tests`).
 
 use std::sync::{Arc, Weak};
 
@@ -28,14 +29,14 @@ const SIZES: usize = 8;
 /// Side of the largest cubes, pc, and ratio of the sides of two sizes.
 const LARGEST_PC: f64 = 256.0;
 const RATIO: f64 = 4.0;
-/// Least distance of stars from the centre of a cube for which they are far, in sides of the cube.
+/// Least distance from the centre of a cube at which a star counts as far, in sides of the cube.
 const FAR_SIDES: f64 = 48.0;
-/// The barycentre is at this fraction of the side of the largest cube, and so at 0.4 or 0.6 of that of each size: cameras near the Sun are in the middle
-/// of their cubes.
+/// The barycentre is at this fraction of the side of the largest cube. So it is at 0.4 or 0.6 of the side of every smaller cube, and cameras near the
+/// Sun are near the middle of their cubes.
 const PLACE_OF_BARYCENTRE: f64 = 0.4;
-/// All stars nearer to the camera than this are read again for each position, pc.
+/// Stars that are nearer to the camera than this are always read again for each position, pc.
 pub(super) const NEAREST_PC: f64 = 0.1;
-/// With fewer stars, keeping the sums saves no time.
+/// Number of stars below which keeping the sums saves no time.
 pub(super) const FEWEST_STARS: usize = 200_000;
 
 /// The stars of a cell of the sky, as seen from the centre of a cube.
@@ -63,7 +64,7 @@ impl FarSource {
     fn seen_from(&self, place_pc: DVec3) -> Option<Source> {
         let Moments { light, place } = self.sum;
         let direction = place.try_normalize()?;
-        // In units of the distance.
+        // Displacement in units of the distance.
         let seen = direction - place_pc * (self.parallax / luminance(light));
         let brighter = seen.length_squared().recip();
         let light = light.map(|channel| channel * brighter);
@@ -79,7 +80,7 @@ struct Held {
     sources: Vec<FarSource>,
 }
 
-/// Sums of distant stars, by the size of the cube from which they are far. The last sum is that of the stars at infinity.
+/// Sums of distant stars, one for each size of the cubes from which they are far. The last sum is that of the stars at infinity.
 #[derive(Clone, Debug, Default)]
 pub struct FarLight {
     of: Weak<StarSet>,
@@ -102,7 +103,7 @@ fn centres_pc(place_pc: DVec3) -> [DVec3; SIZES] {
     })
 }
 
-/// The largest size of cubes that a chunk is far from; `None`: it is near the smallest one.
+/// Returns the largest size of cubes that a chunk is far from; `None` if it is near even the smallest cube.
 fn size_of(chunk: &Chunk, centres_pc: &[DVec3; SIZES]) -> Option<usize> {
     if chunk.at_infinity {
         return Some(SIZES);
@@ -113,7 +114,7 @@ fn size_of(chunk: &Chunk, centres_pc: &[DVec3; SIZES]) -> Option<usize> {
 }
 
 impl FarLight {
-    /// Drops the sums if they are of other stars, or of stars up to another limit, lx.
+    /// Drops the sums if they are of other stars, or of stars down to another limit of illuminance, lx.
     pub fn keep_for(&mut self, set: &Arc<StarSet>, faintest_lx: f64) {
         if !std::ptr::eq(self.of.as_ptr(), Arc::as_ptr(set)) || self.faintest_lx != faintest_lx {
             *self = Self { of: Arc::downgrade(set), faintest_lx, ..Self::default() };
@@ -200,8 +201,8 @@ mod tests {
         sky.gather(FINEST_CELLS, false, far).cells
     }
 
-    /// Greatest relative difference of the light around any direction, with Gaussian weights of a standard deviation of 3 degrees, and relative
-    /// difference of all light.
+    /// Returns two relative differences: the greatest of the light around any direction, with Gaussian weights of a standard deviation of 3 degrees,
+    /// and that of all light.
     fn differences(cells: &[Cell], others: &[Cell]) -> [f64; 2] {
         let around = |cells: &[Cell], towards: DVec3| {
             let weight = |cell: &Cell| (-(cell.direction - towards).length_squared() / (2.0 * 0.052 * 0.052)).exp();

@@ -1,5 +1,4 @@
-//! Levels of the map. Each has a kernel that ends at twice the angle over which it is smooth; the kernel of the coarsest level covers the whole
-//! sphere.
+//! Levels of the map. Each level has a kernel that ends at twice its width of smoothness; the kernel of the coarsest level covers the whole sphere.
 
 use super::{
     FINEST_CELLS, LEVELS,

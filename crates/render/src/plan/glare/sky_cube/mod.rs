@@ -49,18 +49,19 @@ use crate::{
 pub const FINEST_CELLS: u32 = 64;
 /// Number of levels, each with half as many cells along an edge as the previous one.
 pub const LEVELS: usize = 3;
-/// Width over which the kernel of a level is smooth, in cells of the level as wide as at the centre of a face.
+/// Width over which the kernel of a level is smooth, in cells of the level (the width of a cell at the centre of a face).
 const SMOOTH_CELLS: f64 = 4.0;
 /// Radius of the bump that represents the light near sources too faint to be drawn individually, in cells of the finest level.
 const BUMP_CELLS: f64 = 2.5;
-/// Width over which a picture cannot resolve the distribution of light, pixels. The light that pixels sample from a core varies with the position of
-/// the source within a pixel. This variation is least at 1.55 pixels: 0.4 % of the scattered light for pixels 0.7 degrees wide, compared with 1.3 %
-/// at 1.7 pixels. Cores of 2 pixels and more are equally accurate, but visibly smear light.
+/// Width within which a picture cannot resolve the distribution of light, pixels. The light that pixels sample from a core varies with the position
+/// of the source within a pixel. This variation is least at 1.55 pixels: 0.4 % of the scattered light for pixels 0.7 degrees wide, compared with 1.3
+/// % at 1.7 pixels. Cores of 2 pixels and more are equally accurate, but they smear light visibly.
 const SHOWN_PIXELS: f64 = 1.52;
 /// A source gets a separate direction for each eye if the directions differ by more than this, rad.
 const SHARED_PARALLAX_RAD: f64 = 1e-4;
 
-/// Maximum number of such stars, since every pixel evaluates all of them. If there are more, as for eyes parsecs apart, the brightest count.
+/// Maximum number of stars with separate directions, since every pixel evaluates all of them. If there are more, for example because eyes are parsecs
+/// apart, only the brightest ones are used.
 pub const MOST_NEAR: usize = 256;
 
 /// Angle over which the kernel of a level is smooth, rad.
@@ -81,16 +82,17 @@ pub struct SkyCubeSettings {
     pub faintest_lx: f64,
     /// Distance from `place_pc` to the farthest eye, pc.
     pub farthest_eye_pc: f64,
-    /// Relative error of the veil that sources may cause together if they are not drawn individually.
+    /// Relative error of the veil that all sources that are not drawn individually may cause together.
     pub tolerance: f64,
-    /// Absolute error of the same, in cd/m^2 as if all light were scattered. It is invisible in a display image, and 0 for exact images.
+    /// Absolute error of the same veil, in cd/m^2 as if all light were scattered. It is invisible in a display image, and 0 for exact images.
     pub least_cd_m2: f64,
     /// Pixel angles of the views, rad, rounded by [`pixel_class_rad`]; ascending and distinct.
     pub pixel_classes_rad: Vec<f64>,
 }
 
 impl SkyCubeSettings {
-    /// Whether maps of these stars with these settings have the same light in all cells. The other settings select the sources that are drawn alone.
+    /// Whether maps of these stars with these settings have the same light in all cells. Settings that are not compared only select the sources that
+    /// are drawn individually.
     pub fn has_same_cells(&self, other: &Self, set: &StarSet) -> bool {
         // All settings are listed, so that the compiler reports a new one that is not considered here.
         let Self {
@@ -128,12 +130,12 @@ impl SkyCubeSettings {
     }
 }
 
-/// Angle over which pixels cannot resolve the distribution of light, rad.
+/// Angle within which pixels cannot resolve the distribution of light, rad.
 fn shown_rad(pixel_rad: f64) -> f64 {
     (SHOWN_PIXELS * pixel_rad).min(std::f64::consts::PI)
 }
 
-/// The same for the pixels of a picture, by their typical size.
+/// The same angle for the pixels of a picture, by their typical size.
 pub fn shown_rad_of(projection: &Projection) -> f64 {
     shown_rad(pixel_class_rad(projection.middle_pixel_rad()))
 }
@@ -234,12 +236,13 @@ impl SkyCubePlan {
         let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
-        // In a display image, a source is visible individually if its veil exceeds a fraction of the budget. In an exact image the thresholds are
+        // In a display image, the veil of a single source is visible if it exceeds a fraction of the budget. For an exact image the thresholds are
         // lower.
         if let Some(brightnesses) = &brightnesses {
             veil.hide_less(settings.tolerance, &reach, brightnesses);
         }
-        // Select the sources that are drawn individually. In each class of pixels, bumps contain the light near the other sources.
+        // Select the sources that are drawn individually. In each class of pixels, bumps contain the light near sources that are not drawn
+        // individually.
         let sprites = sky.sprites(&reach, &veil);
         let narrow_share = kernel.share_within(smooth_angle_rad(0)) - soft.share();
         let bump_squared = chord_squared(BUMP_CELLS * 2.0 / f64::from(FINEST_CELLS));
@@ -280,7 +283,7 @@ impl SkyCubePlan {
     }
 }
 
-/// All chunks with stars of at least this illuminance (lx) at a position (pc), in all directions.
+/// Returns all chunks, in all directions, that have stars of at least this illuminance (lx) at a position (pc).
 fn visible_everywhere(set: &StarSet, place_pc: DVec3, motion: Option<Motion>, faintest_lx: f64) -> Vec<VisibleChunk> {
     let everywhere = Viewport {
         view: 0,

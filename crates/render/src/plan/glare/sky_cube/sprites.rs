@@ -1,4 +1,4 @@
-//! Sources that are drawn individually: bright enough for their glare to be visible against the veil around them.
+//! Sources that are drawn individually because they are so bright that their glare is visible against the veil around them.
 
 use std::f64::consts::PI;
 
@@ -19,7 +19,7 @@ const VEIL_CELLS: u32 = 8;
 /// Cells along an edge of a face that contain sprites, and regions that contain these cells.
 const SPRITE_CELLS: u32 = 32;
 const SPRITE_REGIONS: u32 = 8;
-/// Chord from which a sprite counts as wide.
+/// Sprites with at least this chord count as wide.
 const WIDE_CHORD: f64 = 0.015;
 
 /// A source that is drawn individually: its kernel, faded out towards the chord at which it ends. At the maximum reach it is the part of
@@ -60,10 +60,10 @@ pub struct Sprites {
     pub regions: Vec<SpriteCell>,
 }
 
-/// Estimate of the light that is scattered towards a part of the sky, as if all light were scattered.
+/// Estimate of the veil over a part of the sky, as if all light were scattered.
 pub(super) struct Veil {
     cd_m2: Vec<f64>,
-    /// Luminance below which no single source is visible, per cell.
+    /// For each cell, the luminance below which no single source is visible.
     hidden_cd_m2: Vec<f64>,
 }
 
@@ -86,8 +86,8 @@ impl Veil {
         Self { cd_m2, hidden_cd_m2 }
     }
 
-    /// Lowers the thresholds where the hidden sources would be visible together. The standard deviation of their error must not exceed the tolerance
-    /// plus the light that sources too faint for sprites scatter into their own pixels, which no sprite shows.
+    /// Lowers the thresholds of cells in which the hidden sources would be visible together. The standard deviation of their error must not exceed
+    /// the tolerance plus the light that sources too faint for sprites scatter into their own pixels; no sprite shows that light.
     pub(super) fn hide_less(&mut self, tolerance: f64, reach: &Reach, sources: &Brightnesses) {
         const STEPS: i32 = 10;
         for ((veil, hidden), sources) in self.cd_m2.iter().zip(&mut self.hidden_cd_m2).zip(&sources.lx) {
@@ -175,7 +175,7 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// For sprites whose sizes range from the resolution of the pixels, as given by `shown`, to `most_rad`.
+    /// Computes the distances for sprites whose sizes range from the resolution of the pixels (`shown`) to `most_rad`.
     pub(super) fn new(kernel: &dyn GlareKernel, shown: Option<&ShownCore>, most_rad: f64) -> Self {
         const ENTRIES: u32 = 512;
         let least_squared = shown.map_or(f64::INFINITY, |shown| shown.core.squared);
@@ -206,10 +206,11 @@ impl Reach {
         Self { squares, per_sr, narrowest_per_sr, beyond, core_share }
     }
 
-    /// Standard deviation over a cell of a [`Veil`] of the light that is missing if sources below `hidden_cd_m2` have no sprites, cd/m^2. The
+    /// Standard deviation, within a cell of a [`Veil`], of the light that is missing if sources below `hidden_cd_m2` have no sprites, cd/m^2. The
     /// sources are independent and uniformly distributed in the cell.
     fn deviation_cd_m2(&self, hidden_cd_m2: f64, sources: &[f64; BRIGHTNESSES]) -> f64 {
-        // A kernel c / s with the fade 1 - u^2 (3 - 2 u) leaves (3 u - 2 u^2) c / s_R inside. The constant is the mean of (3 u - 2 u^2)^2 over u.
+        // For a kernel c / s with the fade 1 - u^2 (3 - 2 u), the part that the sprite lacks inside s_R is (3 u - 2 u^2) c / s_R. The constant is the
+        // mean of (3 u - 2 u^2)^2 over u.
         const INSIDE: f64 = 0.8;
         let variance: f64 = with_illuminances(sources)
             .map(|(lx, of_all)| {
@@ -283,8 +284,8 @@ impl Shares {
     }
 }
 
-/// Makes one cell of each run of consecutive items with the same key. `middle` returns the centre of the cell of a key, `reach` the direction and the
-/// reach of an item.
+/// Makes one cell of each run of consecutive items with the same key. `middle` returns the centre of a key's cell. `reach` returns the direction and
+/// the reach of an item.
 fn runs<T, K: PartialEq>(
     items: &[T],
     key: impl Fn(&T) -> K,

@@ -17,12 +17,11 @@ use crate::{
 pub struct Texel {
     /// Fraction of it that the shape covers.
     pub coverage: f64,
-    /// Mean normal of the covered part, shape's axes; if nothing is covered, that of the nearest covered texel.
+    /// Mean normal of the covered part, shape's axes. If nothing is covered, this and the next two fields are those of the nearest covered texel.
     pub normal: DVec3,
-    /// Mean albedo factor, likewise.
+    /// Mean albedo factor of the covered part.
     pub albedo: f64,
-    /// Mean depth along the tile's direction, likewise; in units of the shape's bound, 0 at its centre, 1 towards the
-    /// eye.
+    /// Mean depth of the covered part along the tile's direction, in units of the shape's bound: 0 at its centre, 1 towards the eye.
     pub depth: f64,
 }
 
@@ -51,33 +50,33 @@ impl Atlas {
         Self { layout, tiles, tile_px, bound: shape.bound, texels }
     }
 
-    /// The layout of its tiles.
+    /// Returns the layout of its tiles.
     pub fn layout(&self) -> AtlasLayout {
         self.layout
     }
 
-    /// Tiles along a side.
+    /// Returns the number of tiles along a side.
     pub fn tiles(&self) -> u32 {
         self.tiles
     }
 
-    /// Texels along a side of a tile.
+    /// Returns the number of texels along a side of a tile.
     pub fn tile_px(&self) -> u32 {
         self.tile_px
     }
 
-    /// Radius of the sphere that fits into a tile.
+    /// Returns the radius of the sphere that fits into a tile.
     pub fn bound(&self) -> f64 {
         self.bound
     }
 
-    /// A texel of a tile, from its top left.
+    /// Returns a texel of a tile; columns and rows count from its top left.
     pub fn texel(&self, tile: AtlasTile, x: u32, y: u32) -> Texel {
         let index = tile.row * self.tiles + tile.column;
         self.texels[((index * self.tile_px + y) * self.tile_px + x) as usize]
     }
 
-    /// Bilinear sample of a tile; `place` in units of the bound, right and up from the centre of the picture.
+    /// Samples a tile bilinearly. `place` is in units of the bound, right and up from the centre of the picture.
     pub fn sample(&self, tile: AtlasTile, place: DVec2) -> Texel {
         let side = f64::from(self.tile_px);
         let scale = 0.5 * (side - f64::from(BORDER_PX));

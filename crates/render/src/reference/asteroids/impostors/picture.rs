@@ -41,10 +41,10 @@ pub struct Picture {
 }
 
 impl Sight {
-    /// A window with pixels of `pixel_rad` around an asteroid with this bounding radius.
+    /// Creates a window with pixels of `pixel_rad` around an asteroid with this bounding radius.
     pub fn around(view_from_shape: DMat3, centre: DVec3, bound: f64, pixel_rad: f64, samples: usize) -> Self {
         let middle = centre.truncate() / -centre.z;
-        // Off the axis, a sphere's image is longer by the inverse square of the cosine.
+        // Away from the axis, a sphere's image is longer by the inverse square of the cosine.
         let reach = 1.1 * bound / centre.length() * (1.0 + middle.length_squared());
         let side = (2.0 * reach / pixel_rad).ceil() as usize + 2;
         Self { view_from_shape, centre, middle, half_width: 0.5 * side as f64 * pixel_rad, side, samples }
@@ -72,7 +72,7 @@ impl Sight {
         0.5 * (self.side * self.samples) as f64 / self.half_width
     }
 
-    /// Unit vector of the viewing direction of a sample.
+    /// Returns the unit vector of the viewing direction of a sample.
     fn ray(&self, i: usize, j: usize) -> DVec3 {
         let scale = self.scale();
         let place = DVec2::new(i as f64 + 0.5, j as f64 + 0.5) / scale - self.half_width;
@@ -80,7 +80,7 @@ impl Sight {
     }
 }
 
-/// The picture of a mesh.
+/// Returns the picture of a mesh.
 pub fn mesh_picture(mesh: &Mesh, sight: &Sight) -> Picture {
     let side = sight.side * sight.samples;
     let found = hits(mesh, side, |position| {
@@ -96,7 +96,7 @@ pub fn mesh_picture(mesh: &Mesh, sight: &Sight) -> Picture {
     sight.picture(|i, j| found[j * side + i].map(|hit| sight.view_from_shape * hit.normal))
 }
 
-/// The picture that a method draws from an atlas; `None` if the method draws none, or the atlas has another layout.
+/// Returns the picture that a method draws from an atlas; `None` if the method draws none, or the atlas has another layout.
 pub fn impostor_picture(method: ImpostorMethod, atlas: &Atlas, sight: &Sight) -> Option<Picture> {
     if AtlasLayout::for_method(method) != Some(atlas.layout()) {
         return None;
@@ -162,7 +162,7 @@ impl<'a> Square<'a> {
         self.atlas.sample(tile, place / self.outline)
     }
 
-    /// Blends three tiles, each sampled where the ray meets the depth stored in it.
+    /// Blends three tiles. Each is sampled where the ray meets the depth stored in it.
     fn blended(&self, offset: DVec3, ray: DVec3) -> Texel {
         let shape_from_view = self.sight.view_from_shape.transpose();
         let start = shape_from_view * offset / self.atlas.bound();
@@ -193,7 +193,7 @@ impl<'a> Square<'a> {
 /// 0.
 const PARALLAX_STEPS: usize = 3;
 
-/// Area covered by both pictures over the area covered by either.
+/// Returns the area covered by both pictures divided by the area covered by either.
 pub fn silhouette_iou(a: &Picture, b: &Picture) -> f64 {
     let pairs = || a.coverage.iter().zip(&b.coverage);
     let both: f64 = pairs().map(|(a, b)| a.min(*b)).sum();
@@ -201,8 +201,7 @@ pub fn silhouette_iou(a: &Picture, b: &Picture) -> f64 {
     if either > 0.0 { both / either } else { 1.0 }
 }
 
-/// Mean angle between the normals of two pictures over the pixels that both cover, weighted by the common coverage,
-/// rad.
+/// Returns the mean angle between the normals of two pictures over the pixels that both cover, weighted by the common coverage, rad.
 pub fn normal_error_rad(a: &Picture, b: &Picture) -> f64 {
     let (mut sum, mut area) = (0.0, 0.0);
     for index in 0..a.coverage.len() {

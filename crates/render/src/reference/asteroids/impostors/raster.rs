@@ -10,7 +10,7 @@ use crate::scene::asteroids::Mesh;
 pub(super) struct Projected {
     /// Position, in samples; sample (i, j) is at (i + 0.5, j + 0.5).
     pub place: DVec2,
-    /// Larger is nearer; linear on the grid.
+    /// Depth: larger is nearer. It is linear on the grid.
     pub nearness: f64,
     /// Inverse of the depth by which the projection divides; 1 for a parallel projection.
     pub weight: f64,
@@ -25,7 +25,7 @@ pub(super) struct Hit {
     nearness: f64,
 }
 
-/// The visible points of `side` x `side` samples, row by row.
+/// Returns the visible points of `side` x `side` samples, row by row.
 pub(super) fn hits(mesh: &Mesh, side: usize, project: impl Fn(DVec3) -> Projected) -> Vec<Option<Hit>> {
     let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
     let vertices: Vec<Projected> = mesh.positions.iter().map(|position| project(vector(*position))).collect();

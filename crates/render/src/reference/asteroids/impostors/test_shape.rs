@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::scene::asteroids::{Lod, Mesh, Shape};
 
-/// An ellipsoid-like shape of 1280 triangles with bumps of this height, mean radii.
+/// Returns a shape like an ellipsoid, with 1280 triangles and bumps of this height, mean radii.
 pub(crate) fn bumpy(bump: f64) -> Shape {
     let (directions, triangles) = icosphere(3);
     let place = |d: DVec3| {

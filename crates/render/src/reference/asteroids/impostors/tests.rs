@@ -31,16 +31,16 @@ fn sight(method: ImpostorMethod, shape: &Shape, view_from_shape: DMat3, off_axis
     Sight::around(view_from_shape, centre, shape.bound, PIXEL_RAD, 4)
 }
 
-/// A tumbling motion that passes through the poles of both maps, with `step` radians per step.
+/// Returns a tumbling motion that passes through the poles of both maps, with `step` radians per step.
 fn tumbling(steps: u32, step: f64) -> impl Iterator<Item = DMat3> {
     (0..steps).map(move |i| {
         let angle = f64::from(i) * step;
-        // Through x = +-1 (the published poles) and z = +-1, with a slow rotation.
+        // The rotation about y passes through x = +-1 (the published poles) and z = +-1. The rotation about x is slow.
         DMat3::from_quat(DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(0.013 * angle))
     })
 }
 
-/// Mean and minimum overlap, and mean error of normals in degrees.
+/// Returns the mean and minimum overlap, and mean error of normals in degrees.
 fn overlap(method: ImpostorMethod, shape: &Shape, atlas: &Atlas, off_axis: f64) -> [f64; 3] {
     let (mut sum, mut least, mut normals, mut count) = (0.0, 1.0_f64, 0.0, 0.0);
     for view_from_shape in tumbling(150, 0.0431) {
@@ -80,8 +80,8 @@ fn a_tumbling_asteroid_looks_like_its_mesh() {
     }
 }
 
-/// Largest change of the displayed orientation beyond the change of the asteroid itself, rad: for the tile with the
-/// largest weight, or for the mean of a blend.
+/// Returns the largest change of the displayed orientation in excess of the change of the asteroid itself, rad: for the tile with the largest weight,
+/// or for the mean of a blend.
 fn greatest_jump(method: ImpostorMethod, step: f64) -> f64 {
     let displayed = |view_from_shape: DMat3| -> Vec<(DMat3, f64)> {
         let tiles = tiles_shown(method, view_from_shape, DVec3::Z, TILES).unwrap();
@@ -118,13 +118,13 @@ fn tumbling_through_the_poles_jumps_by_at_most_one_tile() {
         };
         println!("{}: greatest jump {jump:.3} deg, a tile is {:.2} deg", method.name(), tile.to_degrees());
         if method == EulerAtlas {
-            // At the exact pole, the jump is larger than a tile: pitch and roll come from rounding errors there.
+            // At the exact pole, the jump is larger than a tile, because rounding errors determine pitch and roll there.
             assert!(jump > 10.0, "{jump}");
             continue;
         }
         assert!(jump <= tile.to_degrees() + 1e-6, "{} {jump}", method.name());
         if method == OctahedralBlend {
-            // A blend does not jump at all: a weight changes by the step over the width of a tile.
+            // A blend does not jump at all: the change of a weight is the step divided by the width of a tile.
             assert!(jump < 3.0 * step.to_degrees(), "{jump}");
         }
     }
@@ -179,7 +179,7 @@ fn a_baked_sphere_has_its_area_normals_and_depth() {
     }
 }
 
-/// Mean column of the covered area of a picture, pixels.
+/// Returns the mean column of the covered area of a picture, pixels.
 fn middle_column(picture: &Picture, side: usize) -> f64 {
     let columns = picture.coverage.iter().enumerate().map(|(i, share)| share * (i % side) as f64);
     columns.sum::<f64>() / picture.coverage.iter().sum::<f64>()

@@ -16,12 +16,12 @@ use crate::{
     view::projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective},
 };
 
-/// Luminance of a white Lambert surface.
+/// Returns the luminance of a white Lambert surface.
 fn lambert(albedo: f64, cos_light: f64, _: f64) -> f64 {
     albedo * cos_light / PI
 }
 
-/// An octahedron subdivided `times` times, with its vertices on the unit sphere.
+/// Returns an octahedron subdivided `times` times, with its vertices on the unit sphere.
 fn sphere_mesh(times: u32) -> Mesh {
     let mut triangles: Vec<[DVec3; 3]> = (0..8)
         .map(|k| {
@@ -53,7 +53,7 @@ fn sphere_set() -> ShapeSet {
     ShapeSet { shapes: vec![Shape { lods, bound: 1.0 + 1e-6 }], digest: 1 }
 }
 
-/// A field with one asteroid at a position, spinning about `axis`.
+/// Returns a field with one asteroid at a position, spinning about `axis`.
 fn one_asteroid(shapes: ShapeSet, position_m: DVec3, radius_m: f64, axis: DVec3) -> AsteroidField {
     let offset_m = glam::Vec3::ZERO;
     let packed =
@@ -92,7 +92,7 @@ fn lit(field: &AsteroidField) -> LitField<'_> {
 
 const RAYS: MeshSampling = MeshSampling { level: 0, rays_per_side: 4 };
 
-/// Relative errors of covered solid angle and light compared with the closed form of a sphere lit from behind the eye.
+/// Returns the relative errors of the covered solid angle and of the light, compared with the closed form for a sphere lit from behind the eye.
 fn errors_of(mapping: &dyn PlaneMapping, direction: DVec3, set: ShapeSet) -> [f64; 2] {
     let (radius_m, distance_m) = (100.0, 900.0);
     let field = one_asteroid(set, direction.normalize() * distance_m, radius_m, DVec3::new(0.3, -0.5, 0.2));
@@ -135,7 +135,7 @@ fn a_sphere_has_its_solid_angle_and_light_in_every_projection() {
         (&face, DVec3::new(-0.5, 0.6, -1.0)),
         (&fisheye, DVec3::new(1.0, 0.3, 0.1)),
         (&equirectangular, DVec3::new(1.0, 0.1, 0.4)),
-        // The poles, and a direction behind the eye, where the sphere crosses the picture's edge.
+        // The poles, and a direction behind the eye. There the sphere crosses the picture's edge.
         (&equirectangular, DVec3::new(0.02, 1.0, 0.01)),
         (&equirectangular, DVec3::new(0.05, -1.0, 0.03)),
         (&equirectangular, DVec3::new(0.01, 0.2, 1.0)),
@@ -145,7 +145,7 @@ fn a_sphere_has_its_solid_angle_and_light_in_every_projection() {
         println!("{direction}: solid angle {:.1e}, light {:.1e}", errors[0], errors[1]);
         assert!(agree(errors), "{direction}: {errors:?}");
     }
-    // A mesh that is one per cent too small, and one with tilted normals, are detected.
+    // The test detects a mesh that is one per cent too small, and a mesh with tilted normals.
     let mut small = sphere_set();
     small.shapes[0].lods[0].mesh.positions.iter_mut().flatten().for_each(|x| *x *= 0.99);
     assert!(!agree(errors_of(&perspective, -DVec3::Z, small)));
@@ -244,7 +244,7 @@ fn fields_look_the_same_far_from_the_origin() {
     let here = render(DVec3::ZERO, DQuat::IDENTITY);
     let coverage = here.pixels.iter().map(|pixel| pixel.coverage).sum::<f64>() / here.pixels.len() as f64;
     assert!((0.1..0.95).contains(&coverage), "{coverage}");
-    // Positions that f64 represents exactly: all bits are equal.
+    // f64 represents these positions exactly, so all bits are equal.
     assert_eq!(here, render(DVec3::new(1e13, -2e13, 4e12), DQuat::IDENTITY));
     // The field and the eye rotated together look the same, except for rounding at edges.
     let turned = render(DVec3::ZERO, DQuat::from_euler(glam::EulerRot::ZYX, 0.4, 1.1, -2.0));

@@ -8,7 +8,7 @@ fn settings(cells: u32, layers: u32) -> CellSkySettings {
     CellSkySettings { cells, layers, ..CellSkySettings::default() }
 }
 
-/// Directions spread evenly over the sphere.
+/// Returns directions spread evenly over the sphere.
 fn spiral(count: u32) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |i| {
         let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
@@ -35,7 +35,7 @@ fn faces_and_distortion_are_invertible() {
 
 #[test]
 fn cells_of_two_faces_meet_at_the_edges() {
-    // Along every edge of the cube the coordinate is the same from both sides, so cell borders are continuous.
+    // Along every edge of the cube, both faces have the same coordinate, so cell borders are continuous.
     let mut edges = 0;
     for face in 0..6 {
         for (fixed, sign) in [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)] {
@@ -58,7 +58,7 @@ fn cells_of_two_faces_meet_at_the_edges() {
     assert_eq!(edges, 6 * 4 * 19);
 }
 
-/// Ratio of largest to smallest, and of standard deviation to mean.
+/// Returns the ratio of the largest solid angle to the smallest, and of the standard deviation to the mean.
 fn spread(areas: &[f64]) -> (f64, f64) {
     let mean = areas.iter().sum::<f64>() / areas.len() as f64;
     let variance = areas.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / areas.len() as f64;
@@ -70,7 +70,7 @@ fn spread(areas: &[f64]) -> (f64, f64) {
 fn the_distortion_makes_cells_more_equal_and_equal_angles_still_more() {
     let measured = [FaceGrid::Plain, FaceGrid::Published, FaceGrid::Equiangular].map(|grid| {
         let areas = grid.solid_angles_sr(200);
-        // A face is a sixth of the sphere, whatever its grid: a wrong density would not sum to it.
+        // A face is a sixth of the sphere for every grid. With a wrong area law the sum would differ.
         let total: f64 = areas.iter().sum();
         assert!((total / (4.0 * PI / 6.0) - 1.0).abs() < 1e-5, "{grid:?}: {total}");
         let (ratio, deviation) = spread(&areas);
@@ -117,7 +117,7 @@ fn stars_are_where_the_picture_is_brightest() {
     for (direction, brightness_of_star) in stars(&settings) {
         let peak: f64 = luminance(brightness(direction, pixel_rad, &settings));
         assert!((peak / brightness_of_star - 1.0).abs() < 1e-6, "{peak} {brightness_of_star}");
-        // Four radii away it is dark: the star is not larger than specified.
+        // Four radii away the picture is dark, so the star is not larger than specified.
         let side = direction.any_orthonormal_vector();
         let away = (direction + side * 4.0 * settings.radius_px * pixel_rad).normalize();
         assert_eq!(brightness(away, pixel_rad, &settings), [0.0; 3]);
@@ -134,7 +134,7 @@ fn luminance(rgb: [f64; 3]) -> f64 {
     crate::photometry::rec709::luminance(rgb)
 }
 
-/// Half widths of a star in the sky, pixels: the largest and the smallest over all directions around it.
+/// Returns the half widths of a star in the sky, pixels: the largest and the smallest over all directions around it.
 fn half_widths_px(direction: DVec3, settings: &CellSkySettings, pixel_rad: f64) -> (f64, f64) {
     let u = direction.any_orthonormal_vector();
     let v = direction.cross(u);

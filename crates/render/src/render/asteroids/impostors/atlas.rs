@@ -91,8 +91,8 @@ pub(crate) struct ImpostorAtlas {
 }
 
 impl ImpostorAtlas {
-    /// Returns the atlas of a method for all shapes of a set: baked in advance, read from the cache, or baked now and
-    /// kept. Returns `None` for methods without an atlas.
+    /// Returns the atlas of a method for all shapes of a set. The atlas was baked in advance, is read from the cache, or is baked now and kept.
+    /// Returns `None` for methods without an atlas.
     pub(crate) fn new(
         gpu: &Gpu,
         ahead: &BakedImpostors,
@@ -137,7 +137,7 @@ impl ImpostorAtlas {
         }
     }
 
-    /// Bindings of group 1, for a layout that uses all of them.
+    /// Returns the bindings of group 1, for a layout that uses all of them.
     pub(crate) fn bindings(&self) -> [(u32, wgpu::BindingResource<'_>); 5] {
         [
             (0, self.parameters.as_entire_binding()),
@@ -215,7 +215,7 @@ impl AtlasAhead {
     }
 }
 
-/// Scale of stored albedos: the greatest albedo factor of all shapes, stored as 1.
+/// Returns the scale of stored albedos: the greatest albedo factor of all shapes, stored as 1.
 fn albedo_scale(shapes: &ShapeSet) -> f32 {
     let finest = shapes.shapes.iter().filter_map(|shape| shape.lods.first());
     let greatest = finest.flat_map(|lod| &lod.mesh.albedos).copied().fold(0.0, f32::max);
@@ -238,7 +238,7 @@ fn check(limits: &wgpu::Limits, shapes: &ShapeSet, size: AtlasSize) -> Result<()
     Ok(())
 }
 
-/// [`BakedImpostors::bake`] waits this long for the upload of a layer. Without frames nothing is uploaded.
+/// [`BakedImpostors::bake`] waits at most this long for the upload of a layer. If no frames are drawn, nothing is uploaded.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Atlases and projected areas that another thread prepared for a renderer that will need them. Clones share the content.
@@ -262,14 +262,14 @@ struct Baked {
 }
 
 impl Baked {
-    /// Number of layers that wait for their upload.
+    /// Returns the number of layers that are not uploaded yet.
     fn waiting(&self) -> usize {
         self.atlases.values().map(|atlas| atlas.waiting.len()).sum()
     }
 }
 
 impl BakedImpostors {
-    /// An empty store for a renderer with this device.
+    /// Creates an empty store for a renderer with this device.
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let limits = gpu.device.limits();
         Self(Arc::new(Shared { limits, baked: Mutex::default(), uploaded: Condvar::new() }))
@@ -280,7 +280,7 @@ impl BakedImpostors {
         self.0.baked.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Uploads a layer that waits, if any. Called by the renderer with each frame.
+    /// Uploads the next waiting layer, if any. Called by the renderer with each frame.
     pub(crate) fn upload_one(&self, gpu: &Gpu) {
         let mut baked = self.baked();
         if baked.atlases.values_mut().any(|atlas| atlas.upload_one(gpu)) {
@@ -298,14 +298,14 @@ impl BakedImpostors {
         self.baked().atlases.remove(&(shapes.digest, size))
     }
 
-    /// Projected areas of the shapes of a set, divided by pi: prepared in advance, or computed now.
+    /// Returns the projected areas of the shapes of a set, divided by pi: prepared in advance, or computed now.
     pub(crate) fn areas_of(&self, shapes: &ShapeSet) -> Vec<f32> {
         let ahead = self.baked().areas.remove(&shapes.digest);
         ahead.unwrap_or_else(|| shapes.shapes.iter().flat_map(projected_areas).collect())
     }
 
-    /// Prepares the atlases for the first frame with these sets of shapes. If the renderer draws frames in the meantime, returns when it
-    /// has uploaded them. Content prepared earlier and not yet taken is dropped.
+    /// Prepares the atlases for the first frame with these sets of shapes. If the renderer draws frames in the meantime, this returns after it has
+    /// uploaded the atlases. Content that was prepared earlier and has not been used is dropped.
     ///
     /// # Errors
     ///
@@ -322,7 +322,7 @@ impl BakedImpostors {
             let areas = shapes.shapes.iter().flat_map(projected_areas).collect();
             self.baked().areas.insert(shapes.digest, areas);
         }
-        // Wait as long as there is progress.
+        // Wait as long as layers are being uploaded.
         let mut baked = self.baked();
         while baked.waiting() > 0 {
             let waiting = baked.waiting();
@@ -337,7 +337,7 @@ impl BakedImpostors {
     }
 }
 
-/// Returns all levels of all layers; the finest ones are from the cache, or baked now and kept.
+/// Returns all levels of all layers; the finest ones are read from the cache, or baked now and kept.
 fn layers_of(shapes: &ShapeSet, size: AtlasSize) -> Vec<Vec<Level>> {
     let parameters = [size.layout as u32, size.tiles, size.tile_px, shapes.shapes.len() as u32];
     let inputs: [&[u8]; 3] =

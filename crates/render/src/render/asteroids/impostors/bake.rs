@@ -1,8 +1,8 @@
 //! Bakes impostor atlases on the CPU, on all cores: the finest mesh of a shape is drawn onto every tile, and every texel
 //! is the mean of its samples.
 //!
-//! Every adapter gets the same bits, so a cached atlas serves all of them. On a software driver it is faster than its
-//! rasteriser, because nothing but the nearest triangle and its depth is written per sample.
+//! Every adapter gets the same bits, so a cached atlas serves all of them. For a software driver this is faster than its rasteriser, because only the
+//! nearest triangle and its depth are written per sample.
 //!
 //! No shader: works on the CPU.
 //!
@@ -37,13 +37,13 @@ pub(crate) struct AtlasSize {
 }
 
 impl AtlasSize {
-    /// Atlas that a method reads; `None` for methods without an atlas.
+    /// Returns the atlas that a method reads; `None` for methods without an atlas.
     pub(crate) fn from_method(method: ImpostorMethod, settings: &AsteroidSettings) -> Option<Self> {
         let layout = AtlasLayout::for_method(method)?;
         Some(Self { layout, tiles: settings.tiles, tile_px: settings.tile_px })
     }
 
-    /// Texels along a side of the atlas.
+    /// Returns the number of texels along a side of the atlas.
     pub(crate) fn side(self) -> usize {
         self.tiles as usize * self.tile_px as usize
     }
@@ -100,7 +100,7 @@ impl<'a> TileBaker<'a> {
         Self { mesh: &shape.lods[0].mesh, bound: shape.bound as f32, size, albedo_scale }
     }
 
-    /// Texels of a tile, row by row from the top left. Those without a covered sample are [`Texel::default`].
+    /// Returns the texels of a tile, row by row from the top left. A texel without a covered sample is [`Texel::default`].
     pub(super) fn texels(&self, samples: &mut Samples, tile: AtlasTile) -> Vec<Texel> {
         let px = self.size.tile_px as usize;
         let side = px * SAMPLES;
@@ -142,8 +142,8 @@ impl<'a> TileBaker<'a> {
             let depth = plane(corners, doubled_area, [corners[0].z, corners[1].z, corners[2].z]);
             let number = samples.seen.len() as u32;
             let mut covers = false;
-            // Samples of a row are between the crossings of two edges. Triangles at a common edge compute the same
-            // crossing, so every sample belongs to exactly one of them.
+            // The samples of a row lie between its crossings with two edges. Triangles at a common edge compute the same crossing, so every sample
+            // belongs to exactly one of them.
             let [top, middle, bottom] = by_y([a, b, c]);
             let (long, upper, lower) = (Edge::new(top, bottom), Edge::new(top, middle), Edge::new(middle, bottom));
             let (first, bend, end) = (first_sample(top.y), first_sample(middle.y), first_sample(bottom.y).min(side));
@@ -179,7 +179,7 @@ impl<'a> TileBaker<'a> {
         }
     }
 
-    /// Means over the covered samples of a texel, and the covered share.
+    /// Returns the means over the covered samples of a texel, and the covered share.
     fn texel(&self, samples: &Samples, side: usize, [x, y]: [usize; 2]) -> Texel {
         let (mut sum, mut depth, mut count) = (Vec4::ZERO, 0.0, 0.0);
         let left = (x * SAMPLES) as u32 as f32 + 0.5;
@@ -211,8 +211,8 @@ impl<'a> TileBaker<'a> {
     }
 }
 
-/// The first sample, at `index + 0.5`, that is not before a position in the picture: the nearest integer. Adding 2^23 rounds an f32 to an integer and
-/// leaves it in the lowest bits; `f32::round` would call the C library.
+/// Returns the index of the first sample that is not before a position in the picture. Samples are at `index + 0.5`, so it is the nearest integer.
+/// Adding 2^23 rounds an f32 to an integer and leaves it in the lowest bits; `f32::round` would call the C library.
 #[inline]
 fn first_sample(position: f32) -> usize {
     const TWO_TO_23: f32 = 8_388_608.0;
@@ -236,20 +236,20 @@ struct Edge {
 }
 
 impl Edge {
-    /// The edge from its upper to its lower end.
+    /// Creates the edge from its upper to its lower end.
     #[inline]
     fn new(top: Vec2, bottom: Vec2) -> Self {
         Self { top, slope: (bottom.x - top.x) / (bottom.y - top.y) }
     }
 
-    /// x at which the edge crosses a row between its ends.
+    /// Returns x at which the edge crosses a row between its ends.
     #[inline]
     fn crossing(&self, y: f32) -> f32 {
         self.top.x + (y - self.top.y) * self.slope
     }
 }
 
-/// The plane through the values at the corners of a triangle.
+/// Returns the plane through the values at the corners of a triangle.
 #[inline]
 fn plane<T>([a, b, c]: [Vec3; 3], doubled_area: f32, [at_a, at_b, at_c]: [T; 3]) -> Plane<T>
 where

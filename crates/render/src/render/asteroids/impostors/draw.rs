@@ -1,4 +1,4 @@
-//! Draws asteroid impostors as one square each, textured from an atlas, with depth.
+//! Draws each asteroid impostor as one square that is textured from an atlas and has depth.
 //!
 //! Shaders: `shaders/asteroids/impostors/draw*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
 //!
@@ -42,12 +42,12 @@ impl AsteroidSource {
     }
 }
 
-/// Number of a method in the shaders; `None` for methods without impostors.
+/// Returns the number of a method in the shaders; `None` for methods without impostors.
 fn number_of(method: ImpostorMethod) -> Option<f64> {
     match method.chosen() {
         ImpostorMethod::EulerAtlas => Some(impostors::METHOD_EULER.into()),
         ImpostorMethod::Octahedral => Some(impostors::METHOD_OCTAHEDRAL.into()),
-        // Splats have a separate pass; as squares they look like the blend.
+        // Splats have a separate pass. Drawn as squares, they look like `octahedral_blend`.
         ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => Some(impostors::METHOD_BLEND.into()),
         ImpostorMethod::Auto | ImpostorMethod::None => None,
     }
@@ -98,7 +98,7 @@ impl AsteroidImpostorPass {
         pass.set_bind_group(1, atlas, &[]);
     }
 
-    /// Records the draw of one impostor list written by culling, onto one plane.
+    /// Records the draw of one impostor list, which culling wrote, onto one plane.
     pub(crate) fn record(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -111,7 +111,7 @@ impl AsteroidImpostorPass {
     }
 }
 
-/// Layout of group 1: the atlas of `shaders/asteroids/impostors/atlas.wgsl`.
+/// Returns the layout of group 1: the atlas of `shaders/asteroids/impostors/atlas.wgsl`.
 fn atlas_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let texture = wgpu::BindingType::Texture {

@@ -39,7 +39,7 @@ pub struct GivenAsteroid {
     pub view_from_shape: DMat3,
     /// Unit vector towards the sun, view axes.
     pub sun: DVec3,
-    /// Geometric albedo times illuminance over pi: luminance of a white disc that faces the sun, cd/m^2.
+    /// Geometric albedo times illuminance divided by pi: luminance of a white disc that faces the sun, cd/m^2.
     pub luminance_cd_m2: DVec3,
     /// Reflection law.
     pub law: ReflectionLaw,
@@ -147,7 +147,7 @@ impl ImpostorProbe {
     }
 }
 
-/// Group 0 of `shaders/asteroids/impostors/given.wgsl`.
+/// Returns the layout of group 0 of `shaders/asteroids/impostors/given.wgsl`.
 fn given_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry {
         binding,

@@ -34,9 +34,9 @@ const TARGET_CORNERS: u32 = 3;
 /// Pipelines of the splat pass.
 pub(crate) struct AsteroidSplatPass {
     begin: wgpu::ComputePipeline,
-    /// Find depth and owner of each sample: impostors without and with parallax.
+    /// Pipelines that find depth and owner of each sample: for impostors without and with parallax.
     nearest: [wgpu::ComputePipeline; 2],
-    /// Light the samples: impostors without and with parallax.
+    /// Pipelines that light the samples: for impostors without and with parallax.
     light: [wgpu::ComputePipeline; 2],
     depth: wgpu::RenderPipeline,
     /// Impostors per workgroup.
@@ -196,7 +196,7 @@ impl AsteroidSplatPass {
         let targets = [0, 1, 2].map(target);
         let steps = [&self.nearest, &self.nearest, &self.light];
         for ((stage, pipelines), target) in (0..).zip(steps).zip(&targets) {
-            // With depth and entry in one 64-bit word the second stage is unnecessary.
+            // If one 64-bit word holds both depth and entry, the second stage is unnecessary.
             if stage == 1 && gpu.wide_accumulator {
                 continue;
             }

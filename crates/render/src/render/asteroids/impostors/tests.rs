@@ -35,7 +35,7 @@ fn gpu() -> Gpu {
     Gpu::open(&GpuOptions::default()).expect("tests need a Vulkan adapter; `make test` installs the software one")
 }
 
-/// Two shapes. The second has a uniform albedo, so that only its normals shade it.
+/// Returns two shapes. The second has a uniform albedo, so that only its normals shade it.
 fn shapes() -> ShapeSet {
     let mut plain = bumpy(0.25);
     plain.lods[0].mesh.albedos.fill(1.0);
@@ -46,8 +46,8 @@ fn settings() -> AsteroidSettings {
     AsteroidSettings { tiles: TILES, tile_px: TILE_PX, ..AsteroidSettings::default() }
 }
 
-/// Differences between an atlas and the twin's: mean over all texels of coverage, mean over covered texels of normal,
-/// depth and albedo.
+/// Returns the differences between an atlas and that of the twin. For coverage it is the mean over all texels; for normal, depth and albedo it is the
+/// mean over the covered texels.
 fn atlas_difference(shape: &Shape, layout: AtlasLayout, twin: &Atlas, albedo_scale: f32) -> [f64; 4] {
     let (mut coverage, mut normal, mut depth, mut albedo, mut covered) = (0.0, 0.0, 0.0, 0.0, 0.0);
     let baker = TileBaker::new(shape, AtlasSize { layout, tiles: TILES, tile_px: TILE_PX }, albedo_scale);
@@ -89,7 +89,7 @@ fn baked_atlases_match_the_twin() {
     }
 }
 
-/// Viewport of `side` pixels and 20 degrees, and the half width of the same window in f64.
+/// Returns a viewport of `side` pixels and 20 degrees, and the half width of the same window in f64.
 fn window(side: u32) -> (Viewport, f64) {
     let fov: f64 = 20.0_f64.to_radians();
     let kind = ViewKind::Perspective { size: [side, side], fov_y_rad: fov };
@@ -131,7 +131,7 @@ fn draw(gpu: &Gpu, probe: &ImpostorProbe, view_from_shape: DMat3, centre: DVec3,
     }
 }
 
-/// Orientations and centres of asteroids, in mean radii; some are near the border of the view.
+/// Returns orientations and centres of asteroids, in mean radii; some are near the border of the view.
 fn poses() -> impl Iterator<Item = (DMat3, DVec3)> {
     (0..10).map(|i| {
         let i = f64::from(i);
@@ -189,7 +189,7 @@ fn coarse_mip_levels_keep_area_and_light_of_distant_asteroids() {
     let sun = DVec3::new(0.6, 0.3, 0.74).normalize();
     for method in [OctahedralBlend, Octahedral] {
         let probe = ImpostorProbe::new(&gpu, &shapes(), method, &settings()).unwrap().unwrap();
-        // 23, 11 and 5 pixels across.
+        // At these distances the asteroid is 23, 11 and 5 pixels across.
         for distance in [60.0, 120.0, 240.0] {
             let (mut area, mut true_area, mut light, mut true_light) = (0.0, 0.0, 0.0, 0.0);
             for (view_from_shape, centre) in poses() {
@@ -246,7 +246,7 @@ fn atlases_baked_ahead_are_taken_once_by_matching_requests() {
     assert!(ahead.take(&sets[0], size).is_none(), "already taken");
     ahead.bake(&sets[..1], &settings).unwrap();
     assert!(ahead.take(&sets[1], size).is_none(), "an atlas that was not taken is dropped");
-    // Frames upload one layer each, and only those with textures are lost with the device.
+    // Each frame uploads one layer. If the device is lost, only atlases that have textures are lost.
     ahead.upload_one(&gpu);
     let partly = ahead.take(&sets[0], size).unwrap();
     assert!(partly.textures.is_some() && partly.waiting.len() == 1);

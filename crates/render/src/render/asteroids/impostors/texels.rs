@@ -1,8 +1,8 @@
 //! Processes the texels of an impostor atlas before they become textures: colour bleeding and mip levels.
 //!
-//! An uncovered texel takes the mean of its coloured neighbours, ring by ring outwards, within its tile. Samples
-//! between texels at the limb are then as accurate as inside. Mip levels halve every tile separately, down to 2 x 2
-//! texels or to an odd size; means are weighted by coverage if any texel is covered.
+//! An uncovered texel takes the mean of its coloured neighbours, ring by ring outwards, within its tile. Samples between texels at the limb are then
+//! as accurate as samples inside it. Mip levels halve every tile separately, down to 2 x 2 texels or to an odd size; means are weighted by coverage
+//! if any texel is covered.
 //!
 //! No shader: works on texels on the CPU.
 //! No twin: works on texels on the CPU.
@@ -26,7 +26,7 @@ impl Texel {
         Self { normal: [share(x), share(y), share(z), share(coverage)], surface: [share(albedo), share(depth)] }
     }
 
-    /// Bytes of both textures.
+    /// Returns the bytes of both textures.
     #[inline]
     fn to_bytes(self) -> ([u8; 4], [u8; 2]) {
         let [x, y, z, coverage] = self.normal;
@@ -79,14 +79,14 @@ pub(super) struct Level {
 }
 
 impl Level {
-    /// A level with `side` x `side` texels that are all 0.
+    /// Returns a level with `side` x `side` texels that are all 0.
     pub(super) fn empty(side: usize) -> Self {
         let [normals, surfaces] = TEXEL_BYTES.map(|bytes| vec![0; bytes * side * side]);
         Self { normals, surfaces }
     }
 
-    /// Bytes of the surface texture with the coverage added: albedo, depth, coverage and 0. One read then returns both
-    /// depth and coverage.
+    /// Returns the bytes of the surface texture with the coverage added: albedo, depth, coverage and 0. One read then returns both depth and
+    /// coverage.
     pub(super) fn surfaces_with_coverage(&self) -> Vec<u8> {
         let (normals, _) = self.normals.as_chunks::<4>();
         let (surfaces, _) = self.surfaces.as_chunks::<2>();
@@ -116,7 +116,7 @@ impl Level {
     }
 }
 
-/// Number of mip levels of a tile with `tile_px` texels along a side.
+/// Returns the number of mip levels of a tile with `tile_px` texels along a side.
 pub(super) fn level_count(tile_px: u32) -> u32 {
     let mut levels = 1;
     let mut side = tile_px;
@@ -147,12 +147,12 @@ fn byte(value: f32) -> u8 {
     (value * 255.0 + 0.5) as u8
 }
 
-/// Neighbours of a texel as columns and rows from it, row by row.
+/// Neighbours of a texel as column and row offsets, row by row.
 const AROUND: [[isize; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
 
 /// Fills in colours of the uncovered texels of a tile of `px` x `px` texels.
 pub(super) fn bleed(texels: &mut [Texel], px: usize) {
-    // Flags of the texels, with a border of one texel around the tile. The border counts as reached and has no colour.
+    // There is a flag for each texel, and for a border of one texel around the tile. The border counts as reached and has no colour.
     let width = px + 2;
     let mut has_colour = vec![false; width * width];
     let mut is_reached = vec![true; width * width];
@@ -169,7 +169,7 @@ pub(super) fn bleed(texels: &mut [Texel], px: usize) {
             }
         }
     }
-    // Differences between both indices of a texel and those of its neighbours. Negative differences wrap, and so do additions.
+    // Differences between the two indices of a texel and those of its neighbours. Negative differences wrap, and so do additions.
     let step = |x: isize, y: isize, width: usize| (y * width as isize + x) as usize;
     let steps = AROUND.map(|[x, y]| [step(x, y, width), step(x, y, px)]);
     let (mut next, mut means) = (Vec::new(), Vec::new());
@@ -219,7 +219,7 @@ pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
     levels
 }
 
-/// Texels of a level with `side` texels along a side, from those of the next finer one.
+/// Returns the texels of a level with `side` texels along a side, from those of the next finer one.
 fn coarser(side: usize, finer: impl Fn(usize) -> Texel) -> Vec<Texel> {
     let mut texels = Vec::with_capacity(side * side);
     for row in 0..side {
@@ -241,7 +241,7 @@ fn coarser(side: usize, finer: impl Fn(usize) -> Texel) -> Vec<Texel> {
 mod tests {
     use super::*;
 
-    /// Texels of a tile of 8 x 8 texels; those from (2, 2) to (5, 5) have the value `inside`.
+    /// Returns a tile of 8 x 8 texels; those from (2, 2) to (5, 5) have the value `inside`.
     fn tile(inside: Texel) -> Vec<Texel> {
         let is_inside = |i| (2..6).contains(&(i % 8)) && (2..6).contains(&(i / 8));
         (0..64).map(|i| if is_inside(i) { inside } else { Texel::default() }).collect()
@@ -267,7 +267,7 @@ mod tests {
             assert_eq!(level.normals[4 * i..4 * i + 3], [0x60, 0x40, 0x20]);
             assert_eq!(level.surfaces[2 * i..2 * i + 2], [0x40, 0x80]);
         }
-        // Without bleeding, texels outside would be black.
+        // Without bleeding, texels outside the shape would be black.
         assert_ne!(Level::from_texels(&before), level);
     }
 

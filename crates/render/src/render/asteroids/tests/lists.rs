@@ -19,7 +19,7 @@ use crate::render::targets::POINT_COUNTERS;
 /// Entries by plane and kind: asteroid, side of the seam, share.
 type Found = BTreeMap<(usize, usize, usize), Vec<(u32, bool, f32)>>;
 
-/// Number of differences between two sets of lists: entries that only one of them has, and shares that differ.
+/// Returns the number of differences between two sets of lists: entries that only one of them has, and shares that differ.
 fn differences(first: &Found, second: &Found) -> usize {
     let missing = |one: &Found, other: &Found, both: bool| -> usize {
         one.iter()
@@ -108,7 +108,7 @@ fn as_found(lists: &[PictureLists]) -> Found {
     found
 }
 
-/// Asteroids of many sizes around the origin of a field, near and far.
+/// Returns asteroids of many sizes around the origin of a field, near and far.
 fn cloud(count: usize, seed: u64) -> SceneObjects {
     let mut random = Random(seed);
     let asteroids: Vec<(DVec3, f64, u32)> = (0..count)
@@ -126,7 +126,7 @@ fn cloud(count: usize, seed: u64) -> SceneObjects {
 fn adapter_lists_match_f64_lists_for_all_counts_projections_and_positions() {
     let (auto, none) = (ImpostorMethod::Auto, ImpostorMethod::None);
     let detected = tails_detected(&[(1, auto), (255, none), (256, auto), (257, auto), (2001, auto), (2001, none)]);
-    assert!(detected >= 2, "a missing tail was detected in {detected} cases only");
+    assert!(detected >= 2, "a missing tail was detected in only {detected} cases");
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn adapter_lists_match_f64_lists_with_and_without_impostors_at_every_count() {
     let counts = [1, 255, 256, 257, 2000, 10_007];
     let cases = counts.map(|count| [(count, ImpostorMethod::Auto), (count, ImpostorMethod::None)]);
     let detected = tails_detected(cases.as_flattened());
-    assert!(detected >= 4, "a missing tail was detected in {detected} cases only");
+    assert!(detected >= 4, "a missing tail was detected in only {detected} cases");
 }
 
 /// Compares the lists for each asteroid count and impostor method. Returns the number of cases in which the comparison
@@ -267,7 +267,7 @@ fn too_many_fields_or_shapes_are_refused_with_the_limit() {
     assert!(matches!(error, PlanError::TooManyShapes { limit: MAX_SHAPES, .. }), "{error}");
 }
 
-/// The bend table bounds how far the image of a short arc departs from its chord, for every projection.
+/// The bend table limits how far the image of a short arc can depart from its chord, for every projection.
 #[test]
 fn bend_table_bounds_the_curvature_of_the_projection() {
     use crate::plan::asteroids::views::{DirectionTable, table_place};

@@ -1,4 +1,4 @@
-//! Light of asteroids drawn as points, and of nodes combined into points: sums on the adapter against closed forms.
+//! Compares the light of asteroids drawn as points, and of nodes combined into points, with closed forms. The sums are formed on the adapter.
 
 use super::*;
 use crate::plan::stars::cull::MAX_VIEWPORTS;
@@ -16,7 +16,7 @@ use crate::{
     scene::bodies::suns,
 };
 
-/// First counter of points. The counter of overflows comes before it.
+/// First counter of points. It follows the counter of overflows.
 const FIRST_DRAWN: u32 = 1;
 
 /// Sums the light over all pixels of a viewport on the adapter, lx, and counts the points.
@@ -71,7 +71,7 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     (sums, (values[2][0] >> 32) as u32)
 }
 
-/// A distant swarm of spheres in a ball; some sizes are between points and meshes.
+/// Returns a distant swarm of spheres in a ball; some sizes are between points and meshes.
 fn swarm(count: usize, law: ReflectionLaw, ball_m: f64) -> SceneObjects {
     let mut random = Random(77);
     let asteroids: Vec<(DVec3, f64, u32)> =
@@ -88,7 +88,7 @@ fn points_and_unresolved_nodes_emit_the_light_of_their_spheres() {
     assert!(suns(&SceneObjects::default()).is_empty());
     let equirectangular = ViewKind::Equirectangular { size: [180, 90] };
     let flat = ViewKind::Perspective { size: [160, 120], fov_y_rad: 1.2 };
-    // Cases: all asteroids drawn one by one; some drawn as meshes; whole groups combined into one point.
+    // Three cases: all asteroids are drawn one by one; some are drawn as meshes; whole groups are combined into one point.
     let cases = [
         (&equirectangular, ReflectionLaw::Lambert, 3e4, 1e5, 0),
         (&flat, ReflectionLaw::LommelSeeliger, 500.0, 2.5e3, 0),

@@ -20,7 +20,7 @@ struct LayerContents {
     scale: f64,
 }
 
-/// Bytes of the top left part of one texture layer, row by row.
+/// Returns the bytes of the top left part of one texture layer, row by row.
 fn texels(bench: &Bench, view: &wgpu::TextureView, layer: u32, [width, height]: [u32; 2], texel_bytes: u32) -> Vec<u8> {
     let row_bytes = view.texture().width() * texel_bytes;
     read_layer(&bench.gpu, view.texture(), layer)
@@ -63,7 +63,7 @@ fn draw(bench: &mut Bench, plan: &AsteroidPlan, tile: &Tile) -> LayerContents {
     }
 }
 
-/// Covered solid angle, its centroid (view axes), its light (lx), and the least distance along the rays of samples.
+/// Covered solid angle, its centroid (view axes), its light (lx), and the smallest distance along the rays of samples.
 #[derive(Clone, Copy, Debug)]
 struct Measured {
     solid_angle_sr: f64,
@@ -119,8 +119,7 @@ fn measure(layers: &LayerContents, mapping: &dyn PlaneMapping, flat: bool, tile:
 
 const SUN_M: f64 = 2e11;
 
-/// A sphere of radius 10 m in `direction`, with `size` = radius / distance; the sun is to the upper left behind the
-/// camera.
+/// Returns a sphere of radius 10 m in `direction`, with `size` = radius / distance; the sun is to the upper left behind the camera.
 fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Sun, Body) {
     let radius_m = 10.0;
     let shapes = ShapeSet { shapes: vec![Shape { lods: vec![lod(halvings)], bound: 1.0 }], digest: 2 };
@@ -151,7 +150,7 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
     (SceneObjects { fields: vec![field], ..SceneObjects::default() }, camera_m, sun, body)
 }
 
-/// The same view with `factor` times as many pixels in each direction.
+/// Returns the same view with `factor` times as many pixels along each axis.
 fn finer(kind: &ViewKind, factor: u32) -> ViewKind {
     let mut finer = kind.clone();
     match &mut finer {
@@ -213,7 +212,7 @@ fn a_sphere_has_the_right_solid_angle_and_light_in_every_picture() {
     let flat = ViewKind::Perspective { size: [240, 160], fov_y_rad: 1.4 };
     let sphere = ViewKind::Equirectangular { size: [360, 180] };
     let towards = |x: f64, y: f64, z: f64| DVec3::new(x, y, z).normalize();
-    // Columns: name, view, direction, size, drawn through faces, rows of a tile.
+    // Columns: name, view, direction, size, whether it is drawn through faces, rows of a tile.
     let cases = [
         ("flat, in the middle", &flat, towards(0.02, 0.01, -1.0), 0.1, false, 160),
         ("flat, near a corner", &flat, towards(0.9, 0.5, -1.0), 0.1, false, 50),

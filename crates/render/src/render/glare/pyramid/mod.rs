@@ -47,7 +47,7 @@ impl GlarePyramid {
         }
     }
 
-    /// Pipelines for the given axes.
+    /// Returns jobs that create the pipelines for the given axes.
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>, axes: PyramidAxes) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
         vec![
@@ -141,7 +141,7 @@ impl GlarePyramid {
     }
 }
 
-/// Tiles of a viewport, from the top.
+/// Returns the tiles of a viewport, from the top.
 fn places_of<'a>(plan: &'a Plan, targets: &'a Targets, viewport: usize) -> Vec<Place<'a>> {
     let batches = plan.views.batches.iter().zip(&targets.batches);
     let places = batches.flat_map(|(planned, batch)| {

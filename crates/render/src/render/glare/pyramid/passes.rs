@@ -3,11 +3,10 @@
 //!
 //! Shaders: `shaders/glare/pyramid/`; the f64 twin is `crate::reference::glare::pyramid`.
 //!
-//! Levels are half floats, as published. The light is scaled by the brightest channel of the frame, so that light 2^28
-//! times fainter (21 magnitudes) still has all eleven bits. This is sufficient if values are rounded to the nearest
-//! before they are stored: compared with the twin, which does not round, at most 1.4e-4 of the scattered light is lost,
-//! and 1.6e-3 of it in the worst pixel (twelve projections, and 1920 x 1080 pixels with stars 17 magnitudes apart). If
-//! the driver truncates instead, as the software driver does, the losses are 3e-3 and 5.6e-3.
+//! Levels are half floats, as published. The light is scaled by the brightest channel of the frame, so that light 2^28 times fainter (21 magnitudes)
+//! still has all eleven bits. This is sufficient if values are rounded to the nearest before they are stored: compared with the twin, which does not
+//! round, at most 1.4e-4 of the scattered light is lost, and 1.6e-3 of it in the worst pixel (twelve projections, and 1920 x 1080 pixels with stars
+//! 17 magnitudes apart). If the driver truncates instead, as the software driver does, these losses are 3e-3 and 5.6e-3.
 //!
 //! No shader: the passes of shaders/glare/pyramid.
 //! No twin: reference/glare/pyramid.rs.
@@ -88,7 +87,7 @@ impl PyramidTextures {
         }
     }
 
-    /// Result of the passes: scattered light at half the picture's resolution, scaled.
+    /// Returns the result of the passes: scattered light at half the picture's resolution, scaled.
     pub(crate) fn combined(&self) -> &wgpu::TextureView {
         &self.between[0]
     }
@@ -115,7 +114,7 @@ impl GlarePyramidPass {
         }
     }
 
-    /// Sampler that interpolates between texels and clamps to the edge.
+    /// Returns the sampler that interpolates between texels and clamps to the edge.
     pub(crate) fn bilinear(&self) -> &wgpu::Sampler {
         &self.bilinear
     }
@@ -170,7 +169,7 @@ impl GlarePyramidPass {
                 (4, frame.maximum.as_entire_binding()),
                 (5, view(&textures.levels[0])),
             ];
-            // A tile that begins at an odd row needs one row more than half of its rows.
+            // If a tile begins at an odd row, it needs one row more than half of its rows.
             dispatch(gpu, pass, &self.base, &resources, grid_of([width, upper.tile.rows / 2 + 1]));
         }
         // Blurs of each level along both axes.

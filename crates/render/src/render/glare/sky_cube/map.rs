@@ -1,7 +1,7 @@
 //! The glare map of the sky: computed level by level from the light of all stars, except for the sprites, which are
 //! drawn individually. Shaders: `shaders/glare/sky_cube/map_*.wgsl`.
 //!
-//! No twin: reference/glare/sky_cube.rs: source by source.
+//! No twin: reference/glare/sky_cube.rs, which adds the glare source by source.
 
 use std::{cmp::Reverse, sync::Arc};
 
@@ -51,7 +51,7 @@ pub(super) struct Held {
     /// Light at the points of the finest level, without bumps.
     scattered: wgpu::Buffer,
     pub(super) sprites: wgpu::Buffer,
-    /// Chords at which the sprites end, in the order of the sprites: the longest of their reach class.
+    /// Chords at which the sprites end, in the order of the sprites. Each is the longest chord of the sprite's reach class.
     pub(super) chords: Vec<f64>,
     /// Regions of the sky, then the cells of sprites of all regions.
     pub(super) sprite_cells: wgpu::Buffer,
@@ -61,7 +61,7 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Parameters of passes that read the map and the kernel. The parameters of sprite lists are 0.
+    /// Returns the parameters of passes that read the map and the kernel. The parameters of sprite lists are 0.
     pub(super) fn parameters(&self) -> layout::SkyCubeParameters {
         let sky = &self.sky;
         let [constant, inner_squared] = self.inverse_square.unwrap_or_default();
@@ -79,7 +79,7 @@ impl Held {
         }
     }
 
-    /// Parameters of a viewport whose own sources are `near`.
+    /// Returns the parameters of a viewport whose eye has the sources `near`.
     pub(super) fn view(&self, viewport: &Viewport, near: std::ops::Range<u32>) -> layout::GlareView {
         let class = pixel_class(viewport);
         let index = self.key.settings.pixel_classes_rad.partition_point(|other| *other < class);
@@ -113,18 +113,19 @@ struct LevelBuffers {
     table: wgpu::Buffer,
 }
 
-/// Number of points of a finished map.
+/// Returns the number of points of a finished map.
 pub(super) fn map_points(edge_cells: u32) -> u32 {
     6 * (edge_cells + RIM) * (edge_cells + RIM)
 }
 
-/// Largest angle between the centre of a workgroup's points and one of them. In the plane of a face the distance is at least that.
+/// Returns the largest angle between the centre of a workgroup's points and one of these points. In the plane of a face their distance is at least
+/// this angle.
 fn group_radius_rad(edge_cells: u32) -> f64 {
     let half_diagonal_cells = f64::from(MAP_SIDE - 1) * std::f64::consts::FRAC_1_SQRT_2;
     half_diagonal_cells * 2.0 / f64::from(edge_cells)
 }
 
-/// Number of points that a level gathers light for.
+/// Returns the number of points for which a level gathers light.
 fn gathered_points(edge_cells: u32) -> u32 {
     6 * (edge_cells + 2 * RIM) * (edge_cells + 2 * RIM)
 }
@@ -164,8 +165,8 @@ impl LevelBuffers {
     }
 }
 
-/// Sine of the angle from the centre of a workgroup's points beyond which no source with a kernel that ends at `end_squared`, the square of a
-/// chord, reaches any of them; 2: there is no such angle.
+/// Returns the sine of the angle from the centre of a workgroup's points beyond which no source reaches any of them; 2: there is no such angle. The
+/// kernel ends at `end_squared`, the square of a chord.
 fn group_end_sine(edge_cells: u32, end_squared: f64) -> f32 {
     let angle = angle_of_chord_squared(end_squared) + group_radius_rad(edge_cells);
     if angle >= std::f64::consts::FRAC_PI_2 { 2.0 } else { angle.sin() as f32 }
@@ -193,8 +194,8 @@ impl MapPasses {
         }
     }
 
-    /// Records the sum of the light that the cells of a level scatter towards each of its points, and of the coarser level. `coarser`: its
-    /// sharpened points, and its number of cells along an edge.
+    /// Records the sum of two lights at each point of a level: the light that the level's cells scatter towards it, and the light of the coarser
+    /// level. `coarser`: the sharpened points of that level, and its number of cells along an edge.
     fn gather(
         &self,
         gpu: &Gpu,
@@ -245,7 +246,8 @@ impl MapPasses {
         self.gather(gpu, pass, finest, below)
     }
 
-    /// Records the sum of the points of a level and of bumps around its cells. `light`: of each bump; `squared`: square of their radius.
+    /// Records the sum of the points of a level and of bumps around its cells. `light`: the light of each bump; `squared`: the square of the bumps'
+    /// radius.
     fn add_bumps(
         &self,
         gpu: &Gpu,
@@ -292,8 +294,8 @@ impl MapPasses {
         dispatch(gpu, pass, &self.sharpen, &buffers, (edge_cells + RIM).div_ceil(MAP_SIDE));
     }
 
-    /// Computes the map. If one of `held` has the same cells, their light is not gathered again: gathering takes most of the time, and the exposure
-    /// changes only bumps and sprites.
+    /// Computes the map. If one of the maps in `held` has the same cells, their light is not gathered again. Gathering takes most of the time, and a
+    /// change of the exposure changes only bumps and sprites.
     pub(super) fn make<'a>(
         &self,
         gpu: &Gpu,
@@ -325,8 +327,8 @@ impl MapPasses {
         // Sprites.
         let mut drawn: Vec<&Sprite> = sky.sprites.sprites.iter().collect();
         if key.settings.least_cd_m2 > 0.0 {
-            // Adjacent invocations get a similar amount of work. They stay adjacent on the sky, so that a view sees all
-            // of them or none, because the sort is stable within a reach class.
+            // Sort the sources by reach class, so that adjacent invocations get a similar amount of work. The sort is stable, so sources of one class
+            // that are adjacent on the sky stay adjacent. A view then sees all of them or none.
             drawn.sort_by_key(|sprite| Reverse(reach_class(sprite.squared)));
         }
         let chords = drawn.iter().map(|sprite| class_chord(reach_class(sprite.squared))).collect();
@@ -341,7 +343,7 @@ impl MapPasses {
             .collect();
         let encode = |cell: &SpriteCell, first: u32| layout::GlareSpriteCell {
             direction: cell.direction.as_vec3().to_array(),
-            // Margin so that rounding to f32 does not shorten the reach.
+            // A margin: rounding to f32 must not shorten the reach.
             reach: cell.reach as f32 * 1.00001,
             first: first + cell.first,
             count: cell.count,
@@ -366,12 +368,12 @@ impl MapPasses {
     }
 }
 
-/// Class of sources of similar reach: equal within a quarter of an octave.
+/// Returns the class of sources of similar reach. Within a class the reach varies by up to a quarter of an octave.
 fn reach_class(squared: f64) -> i32 {
     (2.0 * squared.log2()).ceil() as i32
 }
 
-/// The longest chord of a class.
+/// Returns the longest chord of a class.
 fn class_chord(class: i32) -> f64 {
     (0.25 * f64::from(class)).exp2()
 }
@@ -384,7 +386,7 @@ fn buffer_of<T: Default + bytemuck::NoUninit>(gpu: &Gpu, label: &str, mut items:
     storage_buffer(gpu, label, &items)
 }
 
-/// Table of the kernel times the squared chord, as a function of log2 of the squared chord.
+/// Returns the table of the kernel times the squared chord, as a function of log2 of the squared chord.
 fn kernel_table(kernel: &dyn GlareKernel) -> Vec<f32> {
     let first = LAST_OCTAVE - f64::from(OCTAVES);
     (0..=OCTAVES * ENTRIES_PER_OCTAVE)

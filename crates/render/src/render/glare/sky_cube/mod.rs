@@ -42,9 +42,9 @@ struct SkyScene<'a> {
     motion: Option<Motion>,
     local_sky: Option<Arc<LocalSky>>,
     faintest_lx: f64,
-    /// Relative tolerance: veil that a source may add without being drawn individually.
+    /// Relative tolerance: the largest veil that a source may add without being drawn individually.
     tolerance: f64,
-    /// The same tolerance as an absolute veil, cd/m^2, as if all light were scattered.
+    /// The same tolerance as an absolute veil, cd/m^2, for the case that all light is scattered.
     least_cd_m2: f64,
 }
 
@@ -61,7 +61,7 @@ impl<'a> SkyScene<'a> {
         }
     }
 
-    /// Settings of the map for these views.
+    /// Returns the settings of the map for these views.
     fn settings(&self, views: &Views) -> SkyCubeSettings {
         let place_pc = map_place_pc(self.camera_pc);
         let camera_m = ((self.camera_pc - place_pc) * PARSEC_M).length();
@@ -104,11 +104,11 @@ pub(super) struct SkyCube {
     veil: OnceLock<VeilPasses>,
     objects: ObjectPasses,
     near_points: Variants<bool, wgpu::ComputePipeline>,
-    /// For each series of frames: the map of exact frames, and the map of frames whose veil is in the sums.
+    /// For each series of frames: the map for exact frames, and the map for frames whose veil is in the sums.
     held: Vec<[Option<Held>; 2]>,
     /// Sums of the light of distant stars.
     far: FarLight,
-    /// Views of the last frame of the first series, and its budget if its veil was in the sums.
+    /// Views of the last frame of the first series, and its error budget if its veil was in the sums.
     last: Option<(Views, Option<VeilInSums>)>,
     /// Data shared by the batches of a frame.
     veil_frame: Option<VeilFrame>,
@@ -117,10 +117,10 @@ pub(super) struct SkyCube {
     lists: GrowingBuffer,
 }
 
-/// Returns a series' map of frames whose veil is in the sums.
+/// Returns the map of a series for frames whose veil is in the sums.
 fn held_in_sums(held: &[[Option<Held>; 2]], series: Series) -> &Held {
     let held = held.get(series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
-    let Some(held) = held else { unreachable!("the map is made before the veil") };
+    let Some(held) = held else { unreachable!("the map must be made before the veil") };
     held
 }
 
@@ -146,7 +146,7 @@ impl SkyCube {
         }
     }
 
-    /// Pipelines for the viewports of `wish`.
+    /// Returns jobs that create the pipelines for the viewports of `wish`.
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
         let variant = Variant::new(&wish.forecast.methods.glare_map, wish.viewports);
@@ -199,7 +199,7 @@ impl SkyCube {
         }
     }
 
-    /// Ensures one entry per series, and releases the maps of series that no longer exist.
+    /// Ensures that there is one entry per series, and releases the maps of series that no longer exist.
     pub(super) fn keep(&mut self, series: Series) {
         self.held.resize_with(series.slots, || [None, None]);
     }
@@ -226,7 +226,7 @@ impl SkyCube {
     /// Computes the map of a frame unless it is up to date.
     fn hold_for(&mut self, recording: &mut Recording<'_>) {
         let frame = recording.frame;
-        let Some(kernel) = &frame.plan.glare.kernel else { unreachable!("a plan of this method has its kernel") };
+        let Some(kernel) = &frame.plan.glare.kernel else { unreachable!("a plan with this method has a kernel") };
         let in_sums = frame.plan.glare.in_sums;
         let scene = SkyScene::new(frame.scene, &frame.plan.glare.map, in_sums);
         let views = Views::new(&frame.plan.views.all_viewports);
@@ -242,8 +242,8 @@ impl SkyCube {
         }
     }
 
-    /// Computes the map of a changed scene in advance, assuming the views of the last frame. The time is then spent
-    /// here, and not between reading the poses of a headset and showing its picture.
+    /// Computes the map of a changed scene in advance, assuming the views of the last frame. The time is then not spent between reading the poses of
+    /// a headset and showing its picture.
     pub(super) fn hold_map(&mut self, holding: &Holding<'_>) {
         let (Some((views, in_sums)), Some(kernel)) = (&self.last, holding.kernel) else { return };
         let scene = SkyScene::new(holding.scene, &holding.methods.glare_map, *in_sums);
@@ -286,7 +286,7 @@ impl SkyCube {
     }
 }
 
-/// Index of the map for these settings: 0 for exact frames, 1 for frames whose veil is in the sums.
+/// Returns the index of the map for these settings: 0 for exact frames, 1 for frames whose veil is in the sums.
 fn kind_of(settings: &SkyCubeSettings) -> usize {
     usize::from(settings.least_cd_m2 > 0.0)
 }

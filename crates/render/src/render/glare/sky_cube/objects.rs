@@ -1,7 +1,7 @@
 //! Encodes sources of glare that belong to one eye, and records the pass that scatters the light of bodies in display
 //! images whose veil is in the sums. Shader: `shaders/glare/sky_cube/objects.wgsl`.
 //!
-//! No twin: reference/glare/sky_cube.rs: source by source.
+//! No twin: reference/glare/sky_cube.rs, which adds the glare source by source.
 
 use std::f64::consts::PI;
 
@@ -25,10 +25,10 @@ use crate::{
     },
 };
 
-/// Distance from a source within which its glare is too steep for interpolation, spacings of the grid.
+/// Distance from a source, in grid spacings, within which its glare is too steep for interpolation.
 const SPACINGS_BESIDE: f32 = 3.0;
 
-/// Chord length of an angle, on the unit sphere.
+/// Returns the chord of an angle on the unit sphere.
 fn chord(angle_rad: f64) -> f64 {
     2.0 * (0.5 * angle_rad.min(PI)).sin()
 }
@@ -52,18 +52,18 @@ fn encode_extended(source: &ExtendedSource, kernel: &dyn GlareKernel) -> layout:
     encode_near((source.direction, source.light), chord(radius_rad).powi(2), IS_EXTENDED | share)
 }
 
-/// Glare sources of each body for the eye of a viewport.
+/// Returns the glare sources of each body for the eye of a viewport.
 fn body_sources(plan: &Plan, viewport: usize) -> impl Iterator<Item = &Source> {
     plan.bodies.as_ref().and_then(|plan| plan.glare.get(viewport)).into_iter().flatten()
 }
 
-/// Bodies that are points for an eye; their veil is computed like that of stars.
+/// Returns the bodies that are points for an eye. Their veil is computed like that of stars.
 pub(super) fn points_of(plan: &Plan, viewport: usize) -> impl Iterator<Item = PointOfLight> {
     body_sources(plan, viewport).filter(|source| source.parts.is_empty()).map(|source| source.whole)
 }
 
-/// Sources of glare from bodies and asteroid fields for the eye of a viewport. Those of [`points_of`] are included only
-/// if `with_points`.
+/// Returns the sources of glare from bodies and asteroid fields for the eye of a viewport. Those of [`points_of`] are included only if `with_points`
+/// is true.
 pub(super) fn object_sources(
     plan: &Plan,
     viewport: usize,
@@ -174,7 +174,9 @@ impl SkyCube {
         let Self { objects, held, object_frame, .. } = self;
         let held = held_in_sums(held, recording.frame.series);
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
-        let Some(frame_buffers) = object_frame.as_ref() else { unreachable!("points are recorded before surfaces") };
+        let Some(frame_buffers) = object_frame.as_ref() else {
+            unreachable!("points must be recorded before surfaces")
+        };
         let variant = Variant::new(&plan.glare.map, &plan.views.all_viewports);
         let pipeline = pipeline(objects, gpu, variant, recording.targets.plain.is_some());
         let fraction = plan.glare.fraction as f32;

@@ -2,7 +2,7 @@
 //! over pixels.
 //!
 //! No shader: orders the passes of sprites and composite.
-//! No twin: reference/glare/sky_cube.rs: source by source.
+//! No twin: reference/glare/sky_cube.rs, which adds the glare source by source.
 
 use super::{
     SkyCube,
@@ -22,14 +22,13 @@ use crate::{
     view::{Viewport, projection::Projection},
 };
 
-/// Maximum number of words of the sprite list of a block, and of a square of blocks. A block with more sprites searches
-/// its square's list; a square with more searches all sprites.
+/// Maximum number of words in the sprite list of a block, and in that of a square of blocks. A block with more sprites searches its square's list; a
+/// square with more searches all sprites.
 const MOST_LIST_WORDS: u32 = 256;
 const MOST_SQUARE_WORDS: u32 = 2048;
 /// Maximum size of the lists of all blocks and squares. If they do not fit, the lists are shorter.
 const MOST_LIST_BYTES: u64 = 256 << 20;
-/// Greatest pixel size of flat views for which the map over eight pixels is approximated by a parabola: half a cell of
-/// the map, rad.
+/// Greatest pixel size of flat views, rad, for which a parabola approximates the map over eight pixels: half a cell of the map.
 const MOST_FLAT_PIXEL_RAD: f64 = 0.5 * 2.0 / FINEST_CELLS as f64 / 7.0;
 /// Form of the pass over pixels.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -41,7 +40,7 @@ pub(super) struct Variant {
 }
 
 impl Variant {
-    /// Form for the scattered light of a kernel in these viewports.
+    /// Returns the form for the scattered light of a kernel in these viewports.
     pub(super) fn new(map: &GlareMap, viewports: &[Viewport]) -> Self {
         let flat = |viewport: &Viewport| {
             matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_))
@@ -50,7 +49,7 @@ impl Variant {
         Self { tabulated: map.inverse_square_rad.is_none(), flat: viewports.iter().all(flat) }
     }
 
-    /// Overridable constants of the shaders.
+    /// Returns the overridable constants of the shaders.
     pub(super) fn constants(self, gpu: &Gpu) -> [(&'static str, f64); 3] {
         let constants = [("TABULATED", self.tabulated), ("FLAT", self.flat), ("ROLLED", gpu.software)];
         constants.map(|(name, value)| (name, f64::from(u8::from(value))))
@@ -71,7 +70,7 @@ impl SkyCube {
     pub(super) fn record_views(&mut self, recording: &mut Recording<'_>) {
         let Self { sprites, composites, held, lists, .. } = self;
         let held = held.get(recording.frame.series.slot).and_then(|[exact, _]| exact.as_ref());
-        let Some(held) = held else { unreachable!("the map is made before the views") };
+        let Some(held) = held else { unreachable!("the map must be made before the views") };
         let gpu = recording.gpu;
         let sprites = sprites.get_or_init(|| SpritePasses::new(gpu));
         let plan = recording.frame.plan;
@@ -103,7 +102,7 @@ impl SkyCube {
             let [columns, rows, tiles] = blocks;
             let squares = square_grid(blocks);
             let count = |[columns, rows, tiles]: [u32; 3]| u64::from(columns) * u64::from(rows) * u64::from(tiles);
-            // The list lengths that fit: a quarter of the room is for squares.
+            // Choose lengths of the lists that fit: a quarter of the room is for squares.
             let quarter_words = gpu.max_binding_bytes().min(MOST_LIST_BYTES) / 16;
             let words = |lists: [u32; 3], room: u64, most: u32| {
                 u32::try_from(room / count(lists).max(1)).map_or(most, |fitting| fitting.min(most))

@@ -1,6 +1,6 @@
 //! The search for the sprites of every block of pixels. Shaders: `shaders/glare/sky_cube/sprites_*.wgsl`.
 //!
-//! No twin: reference/glare/sky_cube.rs: source by source.
+//! No twin: reference/glare/sky_cube.rs, which adds the glare source by source.
 
 use crate::render::constants::{
     glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},
@@ -64,12 +64,12 @@ pub(super) struct SpriteBuffers<'a> {
     pub lists: &'a wgpu::Buffer,
 }
 
-/// Number of blocks (columns, rows, tiles) for a grid of workgroups over pixels.
+/// Returns the number of blocks (columns, rows, tiles) for a grid of workgroups over pixels.
 pub(super) fn block_grid([columns, rows, tiles]: [u32; 3]) -> [u32; 3] {
     [columns * (COLUMNS / BLOCK_SIDE), rows * (ROWS / BLOCK_SIDE), tiles]
 }
 
-/// Number of squares for a grid of blocks.
+/// Returns the number of squares for a grid of blocks.
 pub(super) fn square_grid([columns, rows, tiles]: [u32; 3]) -> [u32; 3] {
     [columns.div_ceil(SQUARE_BLOCKS), rows.div_ceil(SQUARE_BLOCKS), tiles]
 }

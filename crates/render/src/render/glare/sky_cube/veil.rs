@@ -2,11 +2,10 @@
 //! computed on a coarse grid of points and interpolated by the resolve pass. Shaders:
 //! `shaders/glare/sky_cube/veil_*.wgsl`.
 //!
-//! The light of the map is smooth over some degrees, so grid points less than 1.5 degrees apart are sufficient. Within
-//! the error budget of a display, only few pixels see the veil of single sources. The only remaining pass over all
-//! pixels is the resolve pass.
+//! The light of the map is smooth over some degrees, so grid points less than 1.5 degrees apart are sufficient. With the error budget of a display,
+//! the veil of single sources is significant in only a few pixels. The only remaining pass over all pixels is the resolve pass.
 //!
-//! No twin: a display image's budget of the same veil: tests/gpu/glare/display_budget.rs.
+//! No twin: tests/gpu/glare/display_budget.rs checks that the error of the veil stays within a display image's budget.
 
 use std::f64::consts::PI;
 
@@ -34,7 +33,7 @@ use crate::{
 /// The map is smooth over some degrees.
 const SPACING: GridSpacing = GridSpacing { most_rad: 0.0246, most_px: 16 };
 
-/// Reach above which a source counts as wide, pixels.
+/// Sources with a longer reach than this count as wide, pixels.
 const WIDE_PX: f64 = 8.0;
 
 /// Pipelines of the veil.
@@ -106,8 +105,8 @@ impl VeilFrame {
 }
 
 impl SkyCube {
-    /// Reserves the grids of the smooth part over all pictures of a frame whose veil is in the sums. If the frame has plain blocks, also reserves the
-    /// grids of the glare of bodies.
+    /// Reserves grids of the smooth part of scattered light, over all pictures of a frame whose veil is in the sums. If the frame has plain blocks,
+    /// this also reserves the grids for the glare of bodies.
     pub(in crate::render::glare) fn reserve_grids(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         let plan = frame.plan;
         targets.veil = Some(targets.reserve_points(gpu, "veil grids", point_grids(plan, SPACING)));
@@ -124,7 +123,7 @@ impl SkyCube {
         let gpu = recording.gpu;
         let [points, _] = veil.get_or_init(VeilPasses::new).pipelines(gpu, held.inverse_square.is_none());
         let frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
-        let Some(grid) = recording.targets.veil.clone() else { unreachable!("the grid is reserved before") };
+        let Some(grid) = recording.targets.veil.clone() else { unreachable!("the grid must have been reserved") };
         record_points(gpu, recording, &points, (held, frame), &grid);
     }
 
@@ -134,7 +133,7 @@ impl SkyCube {
         let held = held_in_sums(held, recording.frame.series);
         let gpu = recording.gpu;
         let [_, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, held.inverse_square.is_none());
-        let Some(frame) = veil_frame.as_ref() else { unreachable!("points are recorded before the sums") };
+        let Some(frame) = veil_frame.as_ref() else { unreachable!("points must be recorded before the sums") };
         record_sources(gpu, recording, &splat, (held, frame), number);
     }
 }

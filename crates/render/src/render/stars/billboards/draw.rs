@@ -1,5 +1,4 @@
-//! The published star methods that use the graphics pipeline: one point or square per star of the catalogue, in its
-//! order, added by blending.
+//! The published star methods that use the graphics pipeline: one point or square per star, in the order of the catalogue, added by blending.
 //!
 //! Shaders: `shaders/stars/billboards/`; the f64 twin is `crate::reference::stars::billboards`.
 //!
@@ -77,7 +76,7 @@ enum Profile {
 }
 
 impl Profile {
-    /// Whether the profile reads a star image.
+    /// Whether the profile reads an image of a star.
     fn has_image(self) -> bool {
         matches!(self, Self::Sprite | Self::Psf)
     }
@@ -98,7 +97,7 @@ impl Profile {
     }
 }
 
-/// Law and profile of a method; `None` if it does not blend.
+/// Returns the law and profile of a method; `None` if it does not blend.
 fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
     Some(match method {
         StarMethod::HardwarePoint => (billboards::LAW_POINT, Profile::Point),
@@ -116,7 +115,7 @@ fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
     })
 }
 
-/// Primitive topology and number of vertices of a billboard.
+/// Returns the primitive topology and number of vertices of a billboard.
 fn corners_of(profile: Profile) -> (wgpu::PrimitiveTopology, u32) {
     match profile {
         Profile::Point => (wgpu::PrimitiveTopology::PointList, 1),
@@ -254,7 +253,7 @@ fn image_texture(gpu: &Gpu, (side, rgb): (u32, &[[f32; 3]])) -> wgpu::TextureVie
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// Counts the stars in pictures. It is recorded after all timed passes, since no method needs the number for drawing.
+/// Counts the stars in pictures. It is recorded after all timed passes, since drawing does not need the number.
 pub(crate) struct CountPass {
     pipeline: wgpu::ComputePipeline,
 }

@@ -1,6 +1,5 @@
-//! Records the blending star methods. Every plane is drawn into a texture as a whole, once per frame, and the resolve
-//! pass of its tiles reads that texture. A flat picture is a plane; other projections use the six faces of a cube
-//! (`plan::cube_faces`).
+//! Records the blending star methods. Every plane is drawn once per frame, as a whole, into a texture that the resolve pass of its tiles reads. A
+//! flat picture is a plane; other projections use the six faces of a cube (`plan::cube_faces`).
 
 mod draw;
 
@@ -56,7 +55,7 @@ pub(super) struct Billboards {
     from_cube: OnceLock<LuminancePass>,
     count: OnceLock<CountPass>,
     target: Option<BlendTarget>,
-    /// Viewport whose stars `target` contains in the frame being recorded.
+    /// Viewport whose stars are in `target`, in the frame that is being recorded.
     drawn: Option<usize>,
 }
 
@@ -81,7 +80,7 @@ impl Billboards {
         }
     }
 
-    /// Pipelines of a method for the viewports of `wish`.
+    /// Returns jobs that create the pipelines of a method for the viewports of `wish`.
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>, method: StarMethod) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
         let needs_cube =
@@ -265,7 +264,7 @@ impl Billboards {
         if self.target.as_ref().is_some_and(|held| held.size == size) {
             return;
         }
-        // Drop the old texture before its successor is made, so that both never exist at once.
+        // Drop the old texture before the new one is made, so that both never exist at once.
         self.target = None;
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("blended stars"),

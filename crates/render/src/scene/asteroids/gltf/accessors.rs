@@ -1,4 +1,4 @@
-//! Buffers of a glTF document and the numbers in them. Every offset and size comes from the file, so all are checked.
+//! Buffers of a glTF document and the numbers in them. Every offset and size comes from the file, so all of them are checked.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -12,7 +12,7 @@ use gltf::{
 use super::{MOST_BYTES, MeshProblem};
 use crate::files;
 
-/// Contents of the buffers, by index. `folder` is the folder of the document, `blob` the binary part of a .glb file.
+/// Reads the contents of the buffers, by index. `folder` is the folder of the document, `blob` the binary part of a .glb file.
 pub(super) fn buffers(
     document: &Document,
     folder: &Path,

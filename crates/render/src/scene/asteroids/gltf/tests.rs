@@ -83,7 +83,7 @@ fn read_document((document, binary): &(Value, Vec<u8>)) -> Result<ShapeSet, Shap
     read("shape.glb", &glb(document, binary))
 }
 
-/// Smallest distance between the surfaces over the half turns about x, y and z, which preserve the principal axes.
+/// Smallest distance between the surfaces for all half turns about x, y and z, which preserve the principal axes.
 fn distance_up_to_half_turns(a: &Mesh, b: &Mesh) -> f64 {
     let signs = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from_array);
     signs.iter().map(|signs| surface_distance(a, &moved(b, |p| p * *signs))).fold(f64::INFINITY, f64::min)

@@ -80,7 +80,7 @@ fn turns_are_exact_after_a_billion_seconds() {
     let instances = Instances { base_period_s: 7200.0 * 32_767.0, ..Instances::default() };
     for time_s in [0.0, 1.0, 86_400.5, 1e9, 1e9 + 0.125, -1e9, 3.7e11] {
         let time_parts = instances.time_parts(time_s);
-        // The time itself: an exact integer from the two f64 numbers as fractions of powers of two.
+        // The exact time in units of 2^-32 base periods. Both f64 numbers are multiples of 1/1024, so integers represent them exactly.
         let scaled = (time_s * 1024.0) as i128 * (1 << 32);
         let base = (instances.base_period_s * 1024.0) as i128;
         let exact_parts = scaled.div_euclid(base).rem_euclid(1 << 32) as u32;
@@ -102,8 +102,7 @@ fn turns_are_exact_after_a_billion_seconds() {
     assert!((backwards - 1.5 * PI).abs() < 1e-4, "{backwards}");
 }
 
-/// Sum over bins of equal expectation of (found - expected)^2 / expected, divided by the number of bins: about 1 for a
-/// uniform distribution.
+/// Returns the mean of (found - expected)^2 / expected over bins of equal expectation. It is about 1 for a uniform distribution.
 fn chi_square(shares: impl Iterator<Item = f64>) -> f64 {
     const BINS: usize = 40;
     let mut counts = [0.0; BINS];
@@ -153,15 +152,14 @@ fn belts_thin_out_towards_their_surface() {
     let places = places(&instances);
     let q = |p: &DVec3| ((p.truncate().length() - 3.5e11) / 1.5e11).hypot(p.z / 5e10);
     assert!(places.iter().all(|p| q(p) <= 1.0 + 1e-6));
-    // By Pappus, the circumference does not change the mean: P(q) is the integral of q cos^2(pi q / 2) up to q,
+    // By Pappus's theorem, the varying circumference does not change the distribution of q: P(q) is the integral of q cos^2(pi q / 2) up to q,
     // normalised to 1.
     let integral = |q: f64| q * q / 4.0 + q * (PI * q).sin() / (2.0 * PI) + ((PI * q).cos() - 1.0) / (2.0 * PI * PI);
     let chi = chi_square(places.iter().map(|p| integral(q(p)) / integral(1.0)));
     assert!(chi < 1.8, "{chi}");
     assert!(chi_square(places.iter().map(|p| turn_share(*p))) < 1.8);
     assert!(chi_square(places.iter().map(|p| q(p).powi(2))) > 10.0);
-    // More asteroids are outside of the middle of the cross-section than inside, because the circumference is larger
-    // there.
+    // More asteroids lie outwards of the middle of the cross-section than inwards, because the circumference is larger there.
     let outside = places.iter().filter(|p| p.truncate().length() > 3.5e11).count();
     assert!((20_500..24_500).contains(&outside), "{outside}");
 }
@@ -264,7 +262,7 @@ fn groups_are_neighbours() {
     let mean = groups.iter().map(|group| group.radius_m).sum::<f64>() / groups.len() as f64;
     println!("mean radius of a group {:.3} of the half diagonal of its share", mean / (side * 0.75f64.sqrt()));
     assert!(mean < 1.2 * side * 0.75f64.sqrt());
-    // In a thin ring too, no group reaches across.
+    // Even in a thin ring, no group extends across the ring.
     let ring = placed(RING, 1 << 18);
     let share = (PI * 3.0 * 4.9e15 / ring.levels[0].len() as f64).sqrt();
     let widest = ring.levels[0].iter().map(|group| group.radius_m).fold(0.0, f64::max);

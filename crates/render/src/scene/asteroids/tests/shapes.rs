@@ -19,8 +19,7 @@ fn meshes(set: &ShapeSet) -> impl Iterator<Item = &Mesh> {
     set.shapes.iter().flat_map(|shape| shape.lods.iter().map(|lod| &lod.mesh))
 }
 
-/// Projected area averaged over directions, from the fraction of rays that hit on a grid: an independent method from
-/// the pixel silhouettes.
+/// Projected area averaged over directions, from the fraction of rays that hit on a grid: a method that is independent of the pixel silhouettes.
 fn mean_area_by_rays(mesh: &Mesh) -> f64 {
     const DIRECTIONS: usize = 90;
     const SIDE: u32 = 70;
@@ -107,7 +106,7 @@ fn moments_by_rays(mesh: &Mesh) -> (f64, DVec3, DMat3) {
     let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
     for k in 0..SIDE * SIDE {
         let [y, z] = [k % SIDE, k / SIDE].map(|index| (f64::from(index) + 0.5) * step - bound);
-        // Along the ray every other interval is inside.
+        // Every other interval along the ray is inside the body.
         let mut x = -bound;
         let mut hits = Vec::new();
         while let Some(hit) = tree.first_hit(DVec3::new(x, y, z), DVec3::X) {

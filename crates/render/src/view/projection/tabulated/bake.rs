@@ -22,8 +22,8 @@ pub(super) const INVERSE_PX: f64 = 0.01;
 const SOLID_ANGLE_PARTS: f64 = 0.1;
 /// Step for the central differences of a pixel's solid angle per unit area, pixels.
 const DENSITY_STEP_PX: f64 = 1e-3;
-/// Length of the mean direction, weighted by solid angle, below which a picture shows most of the sphere: a fisheye of
-/// more than 210 degrees, for example.
+/// If the mean direction, weighted by solid angle, is shorter than this, the picture shows most of the sphere, as a fisheye of more than 210 degrees
+/// does.
 const NO_MEAN: f64 = 0.37;
 /// Number of rings of the fringe that may be extrapolated if the mapping is not defined there.
 const MADE_UP_RINGS: i64 = 3;
@@ -57,7 +57,7 @@ struct Pixel {
     solid_angle_sr: f64,
     /// Longer and shorter side, rad.
     sides_rad: [f64; 2],
-    /// Whether the picture is mirrored here (seen from outside of the sphere); `None` if undetermined.
+    /// Whether the picture is mirrored here, as if the sphere were seen from outside; `None` if undetermined.
     mirrored: Option<bool>,
 }
 
@@ -84,7 +84,7 @@ pub(super) fn derivatives(mapping: &dyn PlaneMapping, pixel: DVec2) -> Option<[D
     differences(mapping.direction_from_pixel(pixel)?, directions_around(mapping, pixel, 1.0))
 }
 
-/// The same from the directions at the point and around it.
+/// The same derivatives, from the directions at the point and around it.
 fn differences(middle: DVec3, [right, left, below, above]: [Option<DVec3>; 4]) -> Option<[DVec3; 2]> {
     let along = |ahead: Option<DVec3>, behind: Option<DVec3>| match (ahead, behind) {
         (Some(ahead), Some(behind)) => Some(ahead - behind),
@@ -95,8 +95,8 @@ fn differences(middle: DVec3, [right, left, below, above]: [Option<DVec3>; 4]) -
     Some([along(right, left)?, along(below, above)?])
 }
 
-/// Solid angle of the polygon through the corners and the midpoints of the sides of a pixel, sr: exact if the map is flat between them and the
-/// centre, whose direction is `middle`.
+/// Solid angle of the polygon through the corners of a pixel and the midpoints of its sides, sr. It is exact if the map is flat between these points
+/// and the centre, whose direction is `middle`.
 fn outlined_sr(source: &dyn PlaneMapping, centre: DVec2, middle: DVec3) -> Option<f64> {
     const OUTLINE: [[f64; 2]; 8] =
         [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5], [-0.5, 0.5], [-0.5, 0.0], [-0.5, -0.5], [0.0, -0.5], [0.5, -0.5]];
@@ -133,8 +133,8 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         let spanned = along_x.cross(along_y);
         pixel.sides_rad = singular_values(along_x, along_y);
         pixel.mirrored = Some(spanned.dot(direction) < 0.0);
-        // If the solid angle changes fast from pixel to pixel, the solid angle of the whole pixel differs from the
-        // density at its centre: accept both.
+        // If the solid angle changes fast from pixel to pixel, the solid angle of the whole pixel differs from the density at its centre, so both
+        // values are accepted.
         let [right, left, below, above] = directions_around(source, centre, DENSITY_STEP_PX);
         let density_sr = match (right, left, below, above) {
             (Some(right), Some(left), Some(below), Some(above)) => {
@@ -275,8 +275,8 @@ fn with_fringe(source: &dyn PlaneMapping, pixels: &[Option<Pixel>]) -> Vec<Optio
     directions
 }
 
-/// Extrapolates the direction of a node from its neighbours: with parabolas through three nodes, averaged over all
-/// sides that have three; else with lines through two nodes; else with the nearest node.
+/// Extrapolates the direction of a node from its neighbours. It uses parabolas through three nodes, averaged over all sides that have three;
+/// otherwise lines through two nodes, or else the nearest node.
 fn continued([x, y]: [i64; 2], held: &impl Fn([i64; 2]) -> Option<DVec3>) -> Option<DVec3> {
     for order in [3, 2, 1] {
         let mut sum = DVec3::ZERO;

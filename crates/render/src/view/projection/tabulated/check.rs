@@ -15,14 +15,14 @@ use super::{
 pub const LIMIT_PX: f64 = 0.01;
 /// The same limit at kinks, where the mapping has no derivative.
 const KINK_LIMIT_PX: f64 = 0.25;
-/// The same limit at the edges of a mapping of flat facets, which the table rounds: a sixteenth of the change of slope.
+/// The same limit at the edges of a mapping of flat facets. The table rounds these edges, with an error of a sixteenth of the change of slope.
 const FACET_LIMIT_PX: f64 = 1.0;
-/// The same limit in slivers, in units of their longer side: along the shorter one, pixels are finer than the sky.
+/// The same limit in slivers, in units of their longer side. Along the shorter side, pixels are finer than needed.
 const SLIVER_LIMIT: f64 = 0.1;
 /// Criterion for a kink: distance of a direction from the mean of the directions one pixel away on both sides, pixels.
 const KINK_PX: f64 = 0.05;
-/// Points with a larger error are refined with patches, if they are not too many, so that points between the tested
-/// ones also keep [`LIMIT_PX`], pixels.
+/// Points with a larger error are refined with patches if there are not too many of them, so that the errors of points between the tested ones are
+/// also within [`LIMIT_PX`], pixels.
 const REFINED_PX: f64 = LIMIT_PX / 4.0;
 /// Maximum number of points to refine: a fraction of the pixels, or the absolute number if that is larger.
 const MOST_OFF: (f64, usize) = (0.01, 2048);
@@ -32,8 +32,8 @@ const MOST_OFF: (f64, usize) = (0.01, 2048);
 pub struct TableAccuracy {
     /// Greatest distance between the mapping and the table where the mapping is smooth, pixels.
     pub smooth_px: f64,
-    /// The same at kinks, and where pixels are slivers, pixels; 0 if there are none. In a sliver the direction is within
-    /// a tenth of its longer side.
+    /// The same distance at kinks and in slivers of pixels, pixels; 0 if there are none. In a sliver, the error of the direction is at most a tenth
+    /// of the longer side.
     pub kink_px: f64,
 }
 
@@ -99,7 +99,7 @@ pub(super) fn compare(
         let between = nodes.between(place).and_then(DVec3::try_normalize);
         let (Some(between), Some(quad)) = (between, nodes.quad(place)) else { return false };
         let off_rad = between.distance(point.direction);
-        // At nearly all points the error is a small part of a pixel, so that the size of the pixel need not be computed.
+        // At nearly all points the error is a small part of a pixel, so the size of the pixel need not be computed.
         if off_rad <= 0.25 * shortest_side(quad) {
             return false;
         }
@@ -143,7 +143,7 @@ impl Off {
         !is_within(self.off_px, limit_px)
     }
 
-    /// Whether every table of such a mapping has an error like this one: in a sliver, or at an edge of flat facets.
+    /// Whether every table of such a mapping has an error like this one, because the point is in a sliver or at an edge of flat facets.
     fn is_allowed(&self, source: &dyn PlaneMapping) -> bool {
         self.in_sliver || (source.is_faceted() && !self.is_beyond(FACET_LIMIT_PX))
     }
@@ -159,8 +159,8 @@ impl Off {
 }
 
 impl Found {
-    /// Directions to refine in a picture of `pixels` pixels. Fails if there are too many for kinks, unless the mapping consists of facets: its edges
-    /// are then left as the table rounds them.
+    /// Directions to refine in a picture of `pixels` pixels. Fails if there are too many points for them to be kinks. If the mapping consists of
+    /// facets, it does not fail: the edges then stay rounded, as in the table.
     pub(super) fn to_refine(&self, source: &dyn PlaneMapping, pixels: u64) -> Result<Vec<DVec3>, TabulationError> {
         if let Some(pixel) = self.torn {
             return Err(TabulationError::Torn { pixel });
@@ -178,7 +178,7 @@ impl Found {
         self.off.iter().find(is_wrong).map_or(Ok(Vec::new()), |off| Err(off.error()))
     }
 
-    /// Accuracy of the table. Fails if the table is off where the mapping is smooth, or by too much at a kink.
+    /// Returns the accuracy of the table. Fails if the table is wrong where the mapping is smooth, or if its error at a kink is too large.
     pub(super) fn accuracy(&self, source: &dyn PlaneMapping) -> Result<TableAccuracy, TabulationError> {
         let mut accuracy = TableAccuracy { smooth_px: self.smooth_px, kink_px: 0.0 };
         for off in &self.off {

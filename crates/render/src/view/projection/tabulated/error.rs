@@ -10,7 +10,7 @@ pub enum TabulationError {
     #[error(transparent)]
     Size(#[from] ProjectionError),
     /// The picture is larger than a table can be.
-    #[error("{width} x {height} pixels: a tabulated picture has at most {limit} pixels a side")]
+    #[error("{width} x {height} pixels: a tabulated picture can have at most {limit} pixels per side")]
     TooLarge {
         /// Width, pixels.
         width: u32,
@@ -19,9 +19,9 @@ pub enum TabulationError {
         /// The limit.
         limit: u32,
     },
-    /// The picture is a point or a line of pixels, and the mapping does not continue beyond it.
+    /// The picture is a single pixel or a line of pixels, and the mapping does not continue beyond it.
     #[error(
-        "{width} x {height} pixels: a tabulated picture must have at least 2 pixels a side, or a mapping that continues beyond its border"
+        "{width} x {height} pixels: a tabulated picture must have at least 2 pixels per side, or a mapping that continues beyond its border"
     )]
     TooSmall {
         /// Width, pixels.
@@ -60,8 +60,8 @@ pub enum TabulationError {
         /// Column and row.
         pixel: [u32; 2],
     },
-    /// The direction of a pixel has its image elsewhere: two points of the picture show the same direction, or the two
-    /// functions of the mapping are not inverse.
+    /// The direction of a pixel has its image elsewhere: two points of the picture show the same direction, or the two functions of the mapping are
+    /// not inverse to each other.
     #[error(
         "pixel ({}, {}): the picture shows its direction {}: two parts of the picture show the same direction, or the mapping's two \
          functions are not inverse",

@@ -31,7 +31,7 @@ pub(super) fn pixel_of_place(place: DVec2) -> DVec2 {
     place + 0.5 - FRINGE as f64
 }
 
-/// The largest integer up to a position. `f64::floor` is a call into the C library on processors of the baseline.
+/// The largest integer that is not above a position. On baseline processors, `f64::floor` calls the C library.
 #[inline]
 fn floor(position: f64) -> i64 {
     let toward_zero = position as i64;

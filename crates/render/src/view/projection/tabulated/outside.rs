@@ -96,7 +96,7 @@ mod tests {
             let from_axis_rad =
                 ((index % side) as f64 + 0.5 - middle).hypot((index / side) as f64 + 0.5 - middle) / scale;
             let found = f64::from(f32::from_bits(cell[3])) * scale / least_stretch(from_axis_rad.max(half_rad));
-            // Two passes are exact except for a fraction of a cell.
+            // The result of two passes is exact to a fraction of a cell.
             assert!((found - (least - SLACK_CELLS).max(0.0)).abs() < 0.1, "{index}: {found} {least}");
             let node = cell[2] as usize;
             assert!(distance((node % side, node / side)) < least + 0.1, "{index}");

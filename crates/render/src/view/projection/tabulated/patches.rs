@@ -11,7 +11,7 @@ use super::{
     starts::{NO_START, Starts, side_of_cut},
 };
 
-/// Set in a cell's word that refers to a patch: the remaining bits are the index of its first group of words.
+/// Flag in a cell's word that refers to a patch. The remaining bits are the index of the patch's first group of words.
 pub const PATCH_BIT: u32 = 1 << 31;
 /// Intervals along a side of a patch.
 pub const PATCH_STEPS: u32 = 16;

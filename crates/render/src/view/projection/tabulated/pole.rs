@@ -1,7 +1,7 @@
 //! The point of the sky around which a picture shrinks to nothing: the antipode of a fisheye of almost 360 degrees.
 //!
-//! Pixels around it are slivers whose long sides point to it. The grid of starts has its own antipode at its edge, where
-//! each cell has one azimuth: if both are the same point, no cell has images on all sides of the picture.
+//! Pixels around it are slivers whose long sides point to it. The edge of the grid of starts is the antipode of the grid's axis, and each cell there
+//! has one azimuth. If both antipodes are the same point, no cell has images on all sides of the picture.
 
 use glam::{DVec2, DVec3};
 
@@ -10,7 +10,7 @@ const SLIVER: f64 = 0.1;
 /// Largest distance of a sliver from the point, rad.
 const NEAR_RAD: f64 = 0.5;
 
-/// A pixel's direction and the derivatives of the direction along its sides.
+/// Direction of a pixel, and derivatives of the direction along the pixel's sides.
 pub(super) type Sides = (DVec3, [DVec3; 2]);
 
 /// Whether the sides (longer, shorter) are those of a sliver.
@@ -25,8 +25,8 @@ fn along_longer((direction, [along_x, along_y]): &Sides) -> DVec3 {
     direction.cross(*along_x * turn.x + *along_y * turn.y).normalize_or_zero()
 }
 
-/// The point to which all slivers point: where the great circles of the first one and of the one most perpendicular to
-/// it meet. `None` if one of them is far from there.
+/// The point to which all slivers point. It is the intersection of the great circles of the first sliver and of the sliver most perpendicular to it.
+/// `None` if any sliver is far from this point.
 pub(super) fn pole(slivers: &[Sides]) -> Option<DVec3> {
     let first = along_longer(slivers.first()?);
     let crossing = |sides: &Sides| first.cross(along_longer(sides));
@@ -40,7 +40,7 @@ pub(super) fn pole(slivers: &[Sides]) -> Option<DVec3> {
 mod tests {
     use super::*;
 
-    /// A sliver at an angle from the pole +z. Its longer side points to the pole, or is perpendicular to that direction.
+    /// Creates a sliver at an angle from the pole +z. Its longer side points to the pole, or is perpendicular to that direction.
     fn sliver(azimuth: f64, angle: f64, points_to_pole: bool) -> Sides {
         let (sin, cos) = azimuth.sin_cos();
         let (radial, around) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));

@@ -1,5 +1,5 @@
-//! Starting points of the inverse search: an azimuthal equidistant grid, around an axis, over the part of the sky that
-//! the picture shows. Each cell has a node of the table near the image of its directions.
+//! Starting points of the inverse search: an azimuthal equidistant grid, around an axis, that covers the part of the sky that the picture shows. Each
+//! cell has a node of the table near the image of its directions.
 //!
 //! A map of the sphere has cuts, where neighbouring directions have images far apart. A cell with a cut has two starts
 //! and the line between them, fitted to the positions where the mapping jumps, which are found by bisection.
@@ -20,8 +20,7 @@ pub const NO_START: u32 = u32::MAX;
 const CELL_PX: f64 = 2.5;
 /// Maximum number of cells along a side of the grid.
 const MOST_SIDE: f64 = 2047.0;
-/// Jumps are searched if the images of a cell deviate from even spacing by more than this: relative to their distance,
-/// plus pixels.
+/// Jumps are searched if the images of a cell deviate from even spacing by more than this: a fraction of their distance, plus a number of pixels.
 const UNEVEN: [f64; 2] = [0.1, 0.05];
 /// Number of points along a side of a cell at which a cut is searched.
 const CUT_POINTS: usize = 9;
@@ -30,11 +29,10 @@ const HALVINGS: usize = 28;
 /// A distance that remains larger than this after all bisections is a jump, pixels.
 const JUMP_PX: f64 = 0.05;
 
-/// A cell: the start nodes on both sides of a cut (column in the lower half of the word, row in the upper half); the
-/// unit normal of the cut as two signed 16-bit fractions; and its signed distance from the middle of the cell along the
-/// normal in cells, as the bits of an f32. Without a cut the second node is [`NO_START`]. A word with [`PATCH_BIT`]
-/// refers to a patch instead of a node. If both are [`NO_START`], the other words hold the distance to the picture: see
-/// [`super::outside`].
+/// A cell, four words. The first two are the start nodes on both sides of a cut (column in the lower half of the word, row in the upper half). The
+/// third is the unit normal of the cut as two signed 16-bit fractions. The fourth is the signed distance of the cut from the middle of the cell along
+/// the normal, in cells, as the bits of an f32. Without a cut the second node is [`NO_START`]. A word with [`PATCH_BIT`] refers to a patch instead of
+/// a node. If both nodes are [`NO_START`], the other words contain the distance to the picture: see [`super::outside`].
 pub(super) type Cell = [u32; 4];
 
 const EMPTY: Cell = [NO_START, NO_START, 0, 0];
@@ -62,8 +60,8 @@ pub(super) enum Beginning {
     Patch(u32, DVec2),
 }
 
-/// Signed distance of a position in a cell, from (-0.5, -0.5) to (0.5, 0.5), from the cut of the cell: the first start
-/// serves positive distances.
+/// Signed distance between a position in a cell, from (-0.5, -0.5) to (0.5, 0.5), and the cut of the cell. The first start is used for positive
+/// distances.
 pub(super) fn side_of_cut([.., normal, offset]: Cell, local: DVec2) -> f64 {
     let fraction = |word: u32| f64::from(word as u16 as i16) / 32767.0;
     DVec2::new(fraction(normal), fraction(normal >> 16)).dot(local) - f64::from(f32::from_bits(offset))
@@ -93,7 +91,7 @@ impl Starts {
     /// empty.
     fn new(axis: DVec3, half_angle_rad: f64, pixels: u64) -> Self {
         let wanted = ((pixels as f64).sqrt() / CELL_PX).clamp(9.0, MOST_SIDE) as u32;
-        // Odd, so that no border between cells goes through the axis, where cuts are likely.
+        // Use an odd number, so that no border between cells passes through the axis, where cuts are likely.
         let side = wanted | 1;
         let (right, up) = if axis == DVec3::NEG_Z { (DVec3::X, DVec3::Y) } else { axis.any_orthonormal_pair() };
         let scale = f64::from(side) / 2.0 / (half_angle_rad.min(PI) * 1.001);
@@ -203,7 +201,7 @@ impl Filler<'_> {
 
     fn cell(&self, x: u32, y: u32) -> Result<Cell, Junction> {
         let cell = DVec2::new(f64::from(x), f64::from(y));
-        // A few samples decide for cells that are evenly mapped, or have no image.
+        // For cells that are evenly mapped or have no image, a few samples are sufficient.
         let coarse = self.samples(cell, 3);
         if coarse.iter().any(|sample| sample.held) && is_even(&coarse) {
             return Ok(nearest_to(&coarse, DVec2::ZERO));

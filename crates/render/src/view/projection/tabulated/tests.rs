@@ -8,7 +8,7 @@ use crate::view::projection::{CubeFace, Face, Fisheye, FisheyeMapping, Perspecti
 /// A perspective picture with a modification.
 struct Changed {
     base: Perspective,
-    /// From a point of this picture to that of the base, and back.
+    /// Maps from a point of this picture to the point of the base picture, and back.
     there: fn(DVec2) -> DVec2,
     back: fn(DVec2) -> DVec2,
     /// Factor applied to solid angles.
@@ -184,7 +184,7 @@ fn mappings_that_no_table_can_represent_are_refused_with_the_pixel() {
     // Folded along column 40: two pixels show the same direction.
     let error = refusal(changed(|p| DVec2::new(40.0 - (p.x - 40.0).abs(), p.y), same));
     assert!(error.starts_with("pixel (40, 0)") && error.contains("two parts of the picture"), "{error}");
-    // The left part is mirrored in itself: the two functions are inverse, but the orientation is reversed.
+    // The left part is mirrored in place. The two functions are still inverse to each other, but the orientation of that part is reversed.
     let half = |p: DVec2| if p.x < 32.0 { DVec2::new(32.0 - p.x, p.y) } else { p };
     let error = refusal(changed(half, half));
     assert!(error.starts_with("pixel (31, 0)") && error.contains("mirrored"), "{error}");
@@ -196,7 +196,7 @@ fn mappings_that_no_table_can_represent_are_refused_with_the_pixel() {
     };
     let error = refusal(changed(swapped, swapped));
     assert!(error.starts_with("pixel (0, 20)") || error.starts_with("pixel (0, 19)"), "{error}");
-    // Twelve columns left out, with no pixel outside of the picture between the two sides.
+    // Twelve columns of the base picture are left out, without a gap between the two sides.
     let torn = |p: DVec2| if p.x < 31.2 { p } else { p + DVec2::new(12.0, 0.0) };
     let mended = |p: DVec2| if p.x < 43.2 { p } else { p - DVec2::new(12.0, 0.0) };
     let error = refusal(changed(torn, mended));
@@ -209,7 +209,7 @@ fn mappings_that_no_table_can_represent_are_refused_with_the_pixel() {
     // A window is not the sphere.
     let error = refusal(Changed { claims_everything: true, ..changed(same, same) });
     assert!(error.contains("full sphere"), "{error}");
-    // The two functions are not inverse: half a pixel off.
+    // The two functions are not inverse to each other: they differ by half a pixel.
     let error = refusal(changed(same, |p| p + DVec2::new(0.5, 0.0)));
     assert!(error.starts_with("pixel (0, 0): the picture shows its direction at (1.000, 0.500)"), "{error}");
     // The unmodified base is accepted.

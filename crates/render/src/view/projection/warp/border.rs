@@ -1,7 +1,7 @@
-//! Where the content of a raster ends: beyond the edge of the picture that a calibration refers to, no light is sent.
+//! The border of a raster's content. Beyond the edge of the picture that a calibration refers to, no light is sent.
 //!
-//! Each sample of a grid has its place in that picture. Places are interpolated like directions, so the content ends
-//! within a cell of the grid where its place leaves the picture.
+//! Each sample of a grid has its place in that picture. Places are interpolated like directions, so the content may end inside a cell of the grid, at
+//! the position where the interpolated place leaves the picture.
 
 use glam::{DVec2, DVec3};
 
@@ -42,7 +42,7 @@ pub struct Border {
 }
 
 impl Border {
-    /// Bytes that determine it, and differ from those of any other.
+    /// Bytes that identify it: those of any other border are different.
     pub fn identity(&self) -> Vec<u8> {
         let ContentShape { low, high, ellipse } = self.shape;
         let mut bytes = Vec::with_capacity(65 + 17 * self.places.len());
@@ -57,7 +57,7 @@ impl Border {
         bytes
     }
 
-    /// Whether the content appears in a grid of `columns` columns: at a sample, or at points between four samples.
+    /// Whether the content covers any sample of a grid of `columns` columns, or any tested point between four samples.
     pub fn is_reached(&self, columns: usize) -> bool {
         let holds = |place: DVec2| self.shape.holds(place);
         if self.places.iter().flatten().any(|place| holds(*place)) {

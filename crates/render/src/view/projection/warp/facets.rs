@@ -1,8 +1,8 @@
 //! Solid angles of pixels in a map that is linear between its samples.
 //!
-//! Between the lines of samples, a straight line along a row or column of the raster is a straight line in space, and
-//! seen from the eye an arc of a great circle. The part of a pixel in a cell of the grid is therefore a spherical
-//! quadrilateral, and the sum over the cells is the pixel's solid angle, also across the edges of triangles.
+//! Between the lines of samples, a straight line along a row or column of the raster is a straight line in space. Seen from the eye, it is an arc of
+//! a great circle. The part of a pixel in a cell of the grid is therefore a spherical quadrilateral. The sum over the cells is the pixel's solid
+//! angle, even if the pixel contains edges of triangles.
 
 use glam::DVec3;
 
@@ -21,8 +21,8 @@ pub(super) fn cuts(from: f64, to: f64, samples: usize) -> Vec<f64> {
     [from].into_iter().chain(lines).chain([to]).collect()
 }
 
-/// Solid angle of a rectangle of the raster, sr: `direction` at its cuts, `is_known` in the middle between them. The
-/// rectangle is cut at the columns and the rows. An unknown part counts with the mean of the rest.
+/// Solid angle of a rectangle of the raster, sr. The rectangle is cut at the columns and the rows. `direction` is evaluated at the cuts, and
+/// `is_known` in the middle between them. An unknown part is assumed to have the mean density of the rest.
 pub(super) fn rectangle_sr(
     columns: &[f64],
     rows: &[f64],
@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn the_parts_of_a_folded_plane_add_up_and_an_unknown_part_is_replaced() {
-        // The two halves of a square are flat, and the second is narrower.
+        // Both halves of the square are flat, and the second one is narrower.
         let direction = |[x, y]: [f64; 2]| {
             let wide = if x < 1.0 { x } else { 1.0 + 0.5 * (x - 1.0) };
             Some(DVec3::new(0.01 * wide, -0.01 * y, -1.0).normalize())

@@ -1,9 +1,8 @@
 //! A projector's raster as a projection, from directions on a grid over the raster as calibrations measure them.
 //!
-//! Directions are interpolated by splines through the samples ([`Interpolation`]), so the solid angle of a pixel is |d
-//! dir/du x d dir/dv| of a smooth map; between linear samples it is the sum of the pixel's parts in the cells. The pixel
-//! of a direction is found by Newton steps from the nearest point of a lattice. Cells with an unknown corner are outside
-//! of the picture, and so is everything beyond its [`Border`].
+//! Directions are interpolated by splines through the samples ([`Interpolation`]), so the solid angle of a pixel is |d dir/du x d dir/dv| of a smooth
+//! map. With linear interpolation it is the sum of the solid angles of the pixel's parts in the cells. The pixel of a direction is found by Newton
+//! steps from the nearest point of a lattice. Cells with an unknown corner are outside of the picture, and so is everything beyond its [`Border`].
 
 mod border;
 mod facets;
@@ -26,7 +25,7 @@ use super::{BoundingCone, PlaneMapping, ProjectionError, check_size};
 
 /// Maximum number of samples along a side.
 pub const MOST_SAMPLES: usize = 8192;
-/// Maximum number of Newton steps; a smooth map needs three to five, around a point where it shrinks to nothing more.
+/// Maximum number of Newton steps; a smooth map needs three to five, and more around a point at which it shrinks to nothing.
 const STEPS: usize = 40;
 /// Maximum number of times that a step is halved.
 const HALVINGS: usize = 8;
@@ -36,8 +35,8 @@ const SURE_PX: f64 = 1e-6;
 const FOUND_PX: f64 = 1e-9;
 /// Ratio of area to squared length below which pixels have shrunk to lines.
 const SHRUNK: f64 = 0.2;
-/// How far beyond the raster positions are found, cells of the grid: half a cell for samples at cell centres, plus a
-/// fringe for stars on the border.
+/// Distance beyond the raster up to which positions are found, cells of the grid: half a cell for samples at cell centres, plus a fringe for stars on
+/// the border.
 const BEYOND_CELLS: f64 = 1.0;
 
 /// Positions of the samples of a grid.
@@ -65,7 +64,7 @@ pub struct DirectionGrid {
 }
 
 impl DirectionGrid {
-    /// Bytes that determine the projection of a raster of `size` pixels, and differ from those of any other.
+    /// Bytes that identify the projection of a raster of `size` pixels: those of any other projection are different.
     pub fn identity(&self, size: [u32; 2]) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(32 + 25 * self.samples.len());
         size.iter().for_each(|side| bytes.extend(side.to_le_bytes()));
@@ -108,7 +107,7 @@ pub enum WarpError {
         direction: DVec3,
     },
     /// A border has another number of places than the grid has samples.
-    #[error("a border of {places} places for {samples} samples: each sample must have one")]
+    #[error("the border has {places} places, but the grid has {samples} samples: each sample must have one place")]
     Border {
         /// Places of the border.
         places: usize,
@@ -137,7 +136,7 @@ pub struct Warp {
     nearest: Nearest,
     /// Pixels along the edge of the picture where it shrinks to a point, with their directions.
     shrunk_edge: Vec<(DVec2, DVec3)>,
-    /// Whether most of the picture is seen from behind: from outside of the sphere.
+    /// Whether most of the picture is seen from behind, as if from outside of the sphere.
     mirrored: bool,
     /// Largest angle from the lattice's mean direction to one of its points, and the longest side of a pixel there,
     /// rad.
@@ -245,7 +244,7 @@ impl Warp {
         Some(Jet { value: unit, across: tangent(across, scale.x), down: tangent(down, scale.y) })
     }
 
-    /// Whether the cell around a position, in sample units, has all its corners.
+    /// Whether all corners of the cell around a position, in sample units, are known.
     fn has_corners(&self, [x, y]: [f64; 2]) -> bool {
         self.cells[cell(y, self.grid[1]) * (self.grid[0] - 1) + cell(x, self.grid[0])]
     }
@@ -277,7 +276,7 @@ impl Warp {
         found
     }
 
-    /// The one of these pixels whose direction is nearest to a given one.
+    /// The edge pixel whose direction is nearest to a given one.
     fn nearest_at_edge(&self, direction: DVec3) -> Option<DVec2> {
         let distance = |(_, other): &&(DVec2, DVec3)| other.distance_squared(direction);
         let nearest = self.shrunk_edge.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
@@ -288,7 +287,7 @@ impl Warp {
         self.grid.map(|samples| (2 * (samples - 1)).clamp(32, 160))
     }
 
-    /// Points over the picture with their directions: some in every cell, at most a few ten thousand.
+    /// Points of the picture with their directions: several per cell of a small grid, and at most some tens of thousands.
     fn lattice(&self) -> Vec<(DVec2, DVec3)> {
         let [across, down] = self.lattice_sides();
         let [width, height] = self.size.map(f64::from);
@@ -317,14 +316,14 @@ enum Search {
 }
 
 impl Warp {
-    /// Whether the picture is seen here as at most of its points: not from behind, as beyond a fold.
+    /// Whether the picture is seen from the same side here as at most of its points. Beyond a fold it is seen from behind.
     fn is_right_way(&self, jet: &Jet) -> bool {
         (jet.across.cross(jet.down).dot(jet.value) < 0.0) == self.mirrored
     }
 
-    /// Newton steps from a position of the raster to that of a direction (unit vector). Steps that lead away from the
-    /// direction, or across a fold, are shortened: where a picture shrinks to a point, as around the antipode of a
-    /// fisheye, whole steps end on the far side of that point.
+    /// Newton steps from a position of the raster to that of a direction (unit vector). Steps that lead away from the direction, or across a fold,
+    /// are shortened. This is needed where a picture shrinks to a point, as around the antipode of a fisheye: full steps would end on the far side of
+    /// that point.
     fn search(&self, direction: DVec3, start: DVec2) -> Search {
         let beyond = BEYOND_CELLS / self.scale;
         let [least, most] = [-beyond, DVec2::from(self.size.map(f64::from)) + beyond];
@@ -370,8 +369,7 @@ impl Warp {
     }
 }
 
-/// Extrapolates unknown directions from their known neighbours: only the splines use them, since they need some value
-/// everywhere.
+/// Extrapolates unknown directions from their known neighbours. Only the splines use these directions, since they need some value everywhere.
 fn filled(directions: &[Option<DVec3>], columns: usize) -> Vec<DVec3> {
     let rows = directions.len() / columns;
     let mut known: Vec<Option<DVec3>> = directions.to_vec();
@@ -424,7 +422,7 @@ impl PlaneMapping for Warp {
     }
 
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
-        // At most from the outermost point of the lattice to the corner of the raster.
+        // Add at most the distance from the outermost point of the lattice to the corner of the raster.
         let [across, down] = self.lattice_sides();
         let spacing = f64::from(self.size[0]) / across as f64 + f64::from(self.size[1]) / down as f64;
         let reach = self.reach_rad + 1.5 * (margin_px + spacing) * self.longest_px_rad;

@@ -39,7 +39,7 @@ impl Nearest {
 
     /// Position on the map: at distance 2 sin(angle / 2) from its middle.
     fn place(&self, direction: DVec3) -> DVec2 {
-        // Opposite of the axis, any azimuth is right.
+        // Opposite to the axis, any azimuth is valid.
         let across = DVec2::new(direction.dot(self.right), direction.dot(self.up));
         across.normalize_or(DVec2::X) * direction.distance(self.axis)
     }
@@ -88,8 +88,8 @@ impl Nearest {
         best.into_iter().map(|point| point.map_or(DVec2::ZERO, |point| placed[point].1)).collect()
     }
 
-    /// Starting points for a direction, the best first: that of its cell of the map, then those of the cells around
-    /// it. None if the direction is far from the picture.
+    /// Starting points for a direction, the best first: that of its cell of the map, then those of the cells around it. There are none if the
+    /// direction is far from the picture.
     pub(super) fn start_points(&self, direction: DVec3) -> impl Iterator<Item = DVec2> {
         let held = self.cell(self.place(direction)).map(|at| at.map(|index| index as i64));
         let around = [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];

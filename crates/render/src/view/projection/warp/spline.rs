@@ -135,7 +135,7 @@ fn coefficients(samples: &[DVec3]) -> Vec<DVec3> {
             m[1] = second(1);
             m[n - 2] = second(n - 2);
             if n > 4 {
-                // The inner ones, between two that are known: a tridiagonal system (Thomas algorithm).
+                // Solve for the inner second derivatives, whose two outer neighbours are known: a tridiagonal system (Thomas algorithm).
                 let mut upper = vec![0.0; n];
                 let mut right = m.clone();
                 for k in 2..n - 2 {

@@ -78,8 +78,7 @@ fn directions_and_solid_angles_match_the_geometry() {
     assert!(errors(&Warp::new(SIZE, &turned).unwrap())[0] > 0.1);
 }
 
-/// A mesh of 33 x 33 measured to a tenth of a pixel of 1920 x 1080: its solid angles are as accurate as the
-/// measurement.
+/// A mesh of 33 x 33 samples, measured to a tenth of a pixel of a raster of 1920 x 1080: its solid angles are as accurate as the measurement.
 #[test]
 fn a_measured_mesh_has_errors_of_the_size_of_its_noise() {
     let mut samples = grid([33, 33], Placement::Corners, Interpolation::Smooth);
@@ -174,7 +173,7 @@ fn unknown_samples_are_outside_and_do_not_distort_the_inside() {
     assert!(inside > 10_000 && worst[0] < 1e-4 && worst[1] < 2e-2, "{worst:?}");
 }
 
-/// A map of flat facets whose solid angles are wrong by a factor.
+/// A map of flat facets that reports solid angles multiplied by a wrong factor.
 struct Wrong(Warp, f64);
 
 impl PlaneMapping for Wrong {
@@ -214,7 +213,7 @@ fn flat_facets_have_the_whole_light_and_wrong_solid_angles_are_refused() {
     }
     let table = |factor: f64| TabulatedMapping::new(Wrong(Warp::new(SIZE, &facets).unwrap(), factor));
     let right = table(1.0).unwrap();
-    // The outline of the raster as a polygon of the outermost samples: the facets between them do not matter.
+    // The outline of the raster is the polygon of the outermost samples: the facets inside do not matter.
     let at = |x: usize, y: usize| facets.samples[y * 25 + x].unwrap();
     let inner = at(12, 9);
     let outline: Vec<DVec3> = (0..24)

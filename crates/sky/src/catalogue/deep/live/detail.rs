@@ -55,7 +55,7 @@ impl Detail {
         (leaves..LAYERS.len() as u8).find_map(composites).unwrap_or(Self::Stars)
     }
 
-    /// Returns the next coarser detail; `None` for the base. First fewer layers are drawn star by star; the cells become larger only if the next
+    /// Returns the next coarser detail; `None` for the base. First, fewer layers are drawn star by star; the cells become larger only if the next
     /// plane has no cells of their order. When no layer is left, the cells become larger.
     pub fn coarser(self) -> Option<Self> {
         match self {

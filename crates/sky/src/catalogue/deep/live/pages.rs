@@ -92,7 +92,7 @@ impl Readers {
             let own = Arc::clone(&pages);
             let started = thread::Builder::new().name(format!("deep stars {number}")).spawn(move || own.serve());
             if let Err(error) = started {
-                tracing::error!("no thread to read stars: {error}");
+                tracing::error!("cannot start a thread that reads stars: {error}");
             }
         }
         Self { pages }
