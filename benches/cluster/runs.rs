@@ -111,7 +111,7 @@ pub async fn run(
     report::print(&events, &cluster.lives, form.nodes, form.backlog_ns());
     row("nodes with the scene of the director at the end", format!("{} of {}", stats.nodes.len(), form.nodes));
     row("network threads with real-time scheduling", stats.real_time);
-    row("frames have a time of presentation at the end", stats.locked);
+    row("frames have presentation times at the end of the run", stats.locked);
     print_faults(cluster, &events, &faults, matches!(run, Run::DirectorKills { .. } | Run::OldDirector { .. }));
     if let Run::OldDirector { .. } = run {
         print_epochs(&events, &faults);

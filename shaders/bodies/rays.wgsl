@@ -474,6 +474,8 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     if nearest < 3e38 {
         word = cover_word(1.0 - open, flags, nearest);
     }
+    // A negative zero would be a mark.
+    light = max(light, vec3(0.0));
     write(index, light, word);
     if is_crossed {
         geometry[index].x |= CROSSED_MARK;

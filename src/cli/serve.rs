@@ -177,8 +177,8 @@ fn input_closes(arguments: &ServeArguments) -> impl Future<Output = ()> + Send +
     }
 }
 
-/// Returns the source of access rules, which reads the configuration again on each reload. Views are not built: that takes seconds with projectors,
-/// and rules can change while a calibration is replaced.
+/// Returns the source of access rules, which reads the configuration again on each reload. The views of a file are not built: that takes seconds with
+/// projectors, and rules can change while a calibration is replaced.
 fn access(arguments: &ServeArguments) -> AccessSource {
     let arguments = arguments.clone();
     Arc::new(move || {

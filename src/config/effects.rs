@@ -265,7 +265,10 @@ mod tests {
         let place = "[scene.observer]\nlatitude_deg = 50\nlongitude_deg = 8\n";
         for (text, expected) in [
             ("[stars.billboard]\ndiameter_arcmin = 3", "stars.billboard.diameter_arcmin with stars.method = \"auto\""),
-            ("[stars]\nmethod = 'disc'\n[stars.billboard]\nscreen_size_px = 3", "kept for `screen_billboard`"),
+            (
+                "[stars]\nmethod = 'disc'\n[stars.billboard]\nscreen_size_px = 3",
+                "once the method is `screen_billboard`",
+            ),
             ("[stars.psf_texture]\nwidth_arcmin = 90", "stars.psf_texture.width_arcmin with"),
             (
                 "[stars]\nmethod = 'psf_texture'\npsf_texture = { file = 'x.exr', aperture = 'jwst' }",

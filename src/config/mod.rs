@@ -217,7 +217,7 @@ impl Config {
         Self::read(text, origin, folder, overrides, Self::check_views)
     }
 
-    /// Like [`Self::load`], but without checking that the views can be built, for callers that check each view themselves.
+    /// Like [`Self::load`], but without checking that the views can be built, for callers that check each view themselves or need no views.
     ///
     /// # Errors
     ///

@@ -108,7 +108,7 @@ pub struct ProjectorConfig {
     pub gamma: Option<f64>,
     /// A look-up table (`.cube`) for the projector's codes. It replaces the table of the calibration file.
     pub lut: Option<PathBuf>,
-    /// Measured luminance of the projector's white on the dome. All projectors are dimmed to the darkest one, each by a constant factor.
+    /// Measured luminance of the projector's white on the dome. Each projector is dimmed by a constant factor to match the darkest one.
     #[schemars(range(min = 1e-3, max = 1e6), extend("x-unit" = "cd/m^2"))]
     pub white_cd_m2: Option<f64>,
     /// Luminance of the projector's black on the dome, for `blend = "computed"`. Everywhere black is raised to the level of the place where most

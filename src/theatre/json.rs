@@ -134,11 +134,17 @@ impl<'a> Field<'a> {
                 }
                 Ok(DMat3::from_quat(quaternion.normalize()))
             }
-            _ => Err(Fault::new(
-                &self.place,
-                "neither yaw, pitch and roll nor a quaternion",
-                "must have yaw, pitch and roll in degrees, or x, y, z and w",
-            )),
+            (angles, _) => {
+                let problem = match angles {
+                    Some(_) => "yaw, pitch and roll and also a quaternion",
+                    None => "neither yaw, pitch and roll nor a quaternion",
+                };
+                Err(Fault::new(
+                    &self.place,
+                    problem,
+                    "must have either yaw, pitch and roll in degrees, or x, y, z and w",
+                ))
+            }
         }
     }
 }

@@ -87,7 +87,7 @@ impl Mesh {
             if !bounded || node.place.abs().max_element() > 1e6 {
                 let [place_at, content] = [node.place, node.content].map(|at| shown(at.to_array()));
                 let problem = format!("place {place_at}, content {content}, intensity {}", rounded(node.intensity));
-                let allowed = "must be finite numbers, and intensities must be at most 1 (nodes with a negative intensity are not drawn)";
+                let allowed = "must be finite numbers, places within 1e6, and intensities at most 1 (nodes with a negative intensity are not drawn)";
                 return Err(Fault::new(format!("{place}: node {index} (from 0)"), problem, allowed));
             }
         }

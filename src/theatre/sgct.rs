@@ -272,7 +272,8 @@ impl Reader<'_> {
     /// Reads a PFM with positions in the picture, for nodes from edge to edge of the raster.
     fn pfm_grid(&mut self, drawn: &Drawn, bytes: &[u8]) -> Result<Warped, Fault> {
         if !drawn.texture_mapped {
-            let reason = "for projections other than texturemapped it contains positions on the raster for two eyes";
+            let reason =
+                "with a projection other than texturemapped it contains positions on the raster, one set for each eye";
             return Err(Fault::refused("a PFM as mesh", reason));
         }
         let plane = pfm::decode(bytes)?;
@@ -338,7 +339,7 @@ impl Reader<'_> {
             return Ok(None);
         }
         let place = format!("{} = `{}`", field.place, name.escape_debug());
-        let allowed = "must be a regular file in the configuration's folder or below it, of at most 1 GiB, without an absolute path or `..`";
+        let allowed = "must be a relative path without `..` to a regular file of at most 1 GiB in the configuration's folder or below it";
         let portable = name.replace('\\', "/");
         let relative = Path::new(&portable);
         let inside = relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));

@@ -190,7 +190,7 @@ mod tests {
             "nodes[0].windows[0].mpcdi: the set is not read",
             "viewports[0].blend_mask: the key is not known",
             "projection.tilt: the key is not known",
-            "orientation.heading: taken for yaw",
+            "orientation.heading: read as yaw",
         ] {
             assert!(found.iter().any(|note| note.contains(part)), "{part}: {found:?}");
         }

@@ -161,7 +161,7 @@ fn mistakes_in_geometry_are_recognised() {
         };
         *direction = (*direction + 4e-3 * DVec3::new(noise(), noise(), noise())).normalize();
     }
-    assert_found("noise of the measurement", &noisy, "facets", "or noisy");
+    assert_found("noise of the measurement", &noisy, "facets", "values are noisy");
 
     // Exchange width and height of the raster.
     let exchanged: Vec<Region> = right().into_iter().map(|region| Region { size_px: [150, 240], ..region }).collect();

@@ -455,6 +455,8 @@ fn old_names_of_sgct_are_read() {
     let missing = error(turned(r#""pitch":20,"roll":0"#));
     assert!(missing.contains("yaw is missing; must have all of yaw, pitch, roll"), "{missing}");
     assert!(error(turned(r#""yaw":1,"heading":1,"pitch":0,"roll":0"#)).contains("it occurs twice"));
+    let both = error(turned(r#""yaw":1,"pitch":0,"roll":0,"x":0,"y":0,"z":0,"w":1"#));
+    assert!(both.contains("yaw, pitch and roll and also a quaternion; must have either"), "{both}");
 }
 
 #[test]

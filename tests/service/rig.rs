@@ -295,7 +295,7 @@ async fn a_stream_ends_if_its_view_outgrows_the_clients_limit() {
             end => break end,
         }
     };
-    assert_refused(end, Code::ResourceExhausted, "512 MiB of one client");
+    assert_refused(end, Code::ResourceExhausted, "512 MiB for one client");
     client.update_view("wide", &geometry(round("wide", 16)), None).await.unwrap();
     let revision = client.scene().await.unwrap().revision;
     assert_eq!(showing(&mut first, revision).await.images[0].width, LARGE);

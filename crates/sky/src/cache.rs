@@ -246,8 +246,11 @@ impl Cache {
     }
 }
 
+/// Identifies what a part makes from some inputs.
+pub type Key = [u8; 32];
+
 /// Digest of a part, its version and its inputs, each with its length.
-fn key(part: Part, inputs: &[&[u8]]) -> [u8; 32] {
+pub fn key(part: Part, inputs: &[&[u8]]) -> Key {
     let mut digest = Sha256::new();
     let version = part.version.to_le_bytes();
     for input in [part.name.as_bytes(), &version].iter().chain(inputs) {

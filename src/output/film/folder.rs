@@ -316,7 +316,7 @@ mod tests {
         let checksums = Checksums::read(&folder).unwrap().unwrap();
         assert_eq!((checksums.film.as_str(), checksums.by_name.len()), ("one", 2));
         Checksums { film: "two".to_owned(), ..checksums.clone() }.write(&folder).unwrap();
-        assert!(open("one", false).unwrap_err().to_string().contains("is that of the film two"));
+        assert!(open("one", false).unwrap_err().to_string().contains("belongs to the film two"));
         checksums.write(&folder).unwrap();
 
         let message = open("two", false).unwrap_err().to_string();

@@ -319,7 +319,7 @@ pub(crate) struct Shared {
 
 impl Shared {
     pub(crate) fn state(&self) -> MutexGuard<'_, State> {
-        // The engine, which may panic, never runs under this lock: a poisoned state is consistent.
+        // The engine, which may panic, never runs while this lock is held, so the state is consistent even if the lock is poisoned.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

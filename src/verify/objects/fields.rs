@@ -205,7 +205,12 @@ pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figu
     let mut figures = vec![Figure::at_most("light of asteroids behind a body", worst(share(&before)), 1e-3, "of all")];
     for ((name, _), share) in kinds().into_iter().zip(share(&behind)) {
         let change = (share - 1.0).abs();
-        figures.push(Figure::at_most(format!("change of {name} in front of a body"), change, 0.01, "relative"));
+        figures.push(Figure::at_most(
+            format!("change in the light of {name} in front of a body"),
+            change,
+            0.01,
+            "relative",
+        ));
     }
 
     // Draw a grid of stars behind one asteroid: as a mesh, and at the distance where only its impostor is drawn.

@@ -99,7 +99,8 @@ fn scenes(quality: f64) -> [Scene; 3] {
     ]
 }
 
-/// 24: compares, in steps of half a degree, the silhouette with that of the finest mesh, and measures its change.
+/// 24: turns an asteroid in steps of half a degree, compares its silhouette at each step with that of the finest mesh, and measures how much the
+/// silhouette changes from step to step.
 pub(in crate::verify) fn tumbles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
     for Scene { name, kind, off_axis_deg, tumbles } in scenes(context.settings.asteroids.quality) {

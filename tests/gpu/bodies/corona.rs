@@ -143,3 +143,26 @@ fn coarse_pixels_keep_the_light_of_a_corona_and_a_moon_hides_its_share() {
         );
     }
 }
+
+#[test]
+fn a_flattened_star_in_front_of_its_own_corona_has_its_light() {
+    // The near side of such a star is closer than its shortest radius, so its globe counts as being in front of its corona.
+    for (flattening, radius_px) in [(0.3, 3.0), (0.3, 8.0), (0.3, 12.0), (0.5, 4.0), (0.5, 8.0)] {
+        let flattened = |has_corona| {
+            let mut scene = scene(None, has_corona);
+            let objects = Arc::make_mut(&mut scene.objects);
+            let sun = Arc::make_mut(&mut objects.bodies[0]);
+            // The star is seen from its equator.
+            sun.orientation = DQuat::from_rotation_x(0.5 * PI);
+            sun.radii_m.z *= flattening;
+            scene
+        };
+        let fov_y_rad = 2.0 * (48.0 / radius_px * SUN_RAD).atan();
+        let rig = rig(vec![("window", ViewKind::Perspective { size: [96, 96], fov_y_rad })]);
+        let [with_corona, without] = [true, false].map(|has_corona| picture(&flattened(has_corona), &rig));
+        let least = with_corona.iter().copied().fold(f64::INFINITY, f64::min);
+        let [light, own] = [&with_corona, &without].map(|picture| picture.iter().sum::<f64>());
+        println!("{flattening}, {radius_px} pixels: light with and without the corona {:.1e}", light / own - 1.0);
+        assert!(least >= 0.0 && (light / own - 1.0).abs() < 4e-3, "{least}");
+    }
+}

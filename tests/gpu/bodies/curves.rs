@@ -17,7 +17,8 @@ use steradian::{
     view::ViewKind,
 };
 
-/// Diameters at which the light is compared, pixels: a point, half a point, discs.
+/// Diameters at which the light is compared, pixels. The first is drawn as a point, the second half as a point and half as a disc, the others as
+/// discs.
 const DIAMETERS_PX: [f64; 5] = [0.5, 3.0, 6.0, 25.0, 200.0];
 
 /// Returns a scene with a body one astronomical unit from the Sun, and one from the camera. It is seen at a phase

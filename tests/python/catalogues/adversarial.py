@@ -86,7 +86,7 @@ expect(said, f"table.csv: {used + 3} stars, read as Gaia archive, DR3, {out} of 
 expect(said, *(f"rejected: {kind}: {count}, first: table.csv line " for kind, count in refused.items()))
 expect(said, "not stored: duplicates of other stars: 3", f"wrote store: {used} stars, ")
 checked = run(folder, "catalogue", "check", "store", "--light")
-expect(checked, f"{used} stars in", "every composite star matches its cell")
+expect(checked, f"{used} stars (in", "every composite star matches its cell")
 
 # Every star is in the store once, within the error of its leaf.
 rows = exported(folder, "store")

@@ -113,6 +113,8 @@ pub struct DiscSun {
 pub struct BodyPlan {
     /// Bodies drawn as discs in each viewport, nearest first.
     pub seen: Vec<Vec<BodyDisc>>,
+    /// Whether pixels of each viewport may show the limb of a body in front of another body or of a corona.
+    pub crosses: Vec<bool>,
     /// Bodies drawn as points, with the fraction of their light that the point has.
     pub points: Vec<PointSource>,
     /// Light of every body at each viewport's eye: index of the body, and illuminance, lx.
@@ -293,6 +295,7 @@ pub fn plan_bodies(
             }
         }
         seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
+        plan.crosses.push(may_cross(&seen));
         plan.seen.push(seen);
         plan.in_view.push(in_view_of);
         plan.glare.push(glare);
@@ -327,15 +330,16 @@ fn limb_rad(projection: &Projection) -> f64 {
     if middle_is_largest { 1.5 * projection.middle_pixel_rad() } else { PI }
 }
 
-/// Whether a pixel may show parts of two of these bodies.
-pub(crate) fn may_cross(seen: &[BodyDisc]) -> bool {
+/// Whether a pixel may show parts of two of these bodies, or a limb in front of a corona. The globe of a flattened star is in front of the star's own
+/// corona.
+fn may_cross(seen: &[BodyDisc]) -> bool {
     // Margin for the rounding of directions on the adapter.
     const MARGIN_RAD: f64 = 1e-5;
-    seen.iter().enumerate().any(|(index, a)| {
-        seen[..index]
-            .iter()
-            .any(|b| a.centre.angle_between(b.centre) <= 1.002 * (a.reach_rad + b.reach_rad) + MARGIN_RAD)
-    })
+    let has_corona = seen.iter().any(|disc| matches!(disc.around, Around::Corona(_)));
+    let meet = |a: &BodyDisc, b: &BodyDisc| {
+        a.centre.angle_between(b.centre) <= 1.002 * (a.reach_rad + b.reach_rad) + MARGIN_RAD
+    };
+    has_corona || seen.iter().enumerate().any(|(index, a)| seen[..index].iter().any(|b| meet(a, b)))
 }
 
 /// Transforms world axes (m) to the axes of the body (in semi-axes).
@@ -396,5 +400,36 @@ fn body_disc(
         kept: 1.0,
         suns,
         around,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn disc(angle_rad: f64, reach_rad: f64) -> BodyDisc {
+        BodyDisc {
+            body: 0,
+            centre: DVec3::new(angle_rad.sin(), 0.0, -angle_rad.cos()),
+            on_plane: false,
+            distance_m: 1.0,
+            unit_from_view: DMat3::IDENTITY,
+            reach_rad,
+            part: 1.0,
+            kept: 1.0,
+            suns: Vec::new(),
+            around: Around::Nothing,
+        }
+    }
+
+    #[test]
+    fn bodies_cross_if_their_reaches_meet_or_one_has_a_corona() {
+        assert!(!may_cross(&[]) && !may_cross(&[disc(0.0, 0.5)]));
+        assert!(may_cross(&[disc(0.0, 0.1), disc(1.0, 0.1), disc(1.19, 0.1)]));
+        assert!(!may_cross(&[disc(0.0, 0.1), disc(1.0, 0.1), disc(1.21, 0.1)]));
+        // A tangent of the same direction.
+        let on_plane = BodyDisc { centre: DVec3::new(0.19_f64.tan(), 0.0, -1.0), on_plane: true, ..disc(0.0, 0.1) };
+        assert!(may_cross(&[disc(0.0, 0.1), on_plane]));
+        assert!(may_cross(&[BodyDisc { around: Around::Corona([1.0; 3]), ..disc(0.0, 0.1) }]));
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! A whole frame in f64 takes minutes. A few hundred pixels take about as long as one pass over the catalogue. Each chunk of stars is processed
 //! separately: a star that may reach a chosen pixel is spread with the kernel that the view uses (selected by its luminance over the pixel at its
-//! position, as by `peak_luminance` in `shaders/shared/splat.wgsl`), and the chunk's stars form a tree that sums their glare ([`veil_tree`]). The
+//! position, as by `image_of` in `shaders/shared/splat.wgsl`), and the chunk's stars form a tree that sums their glare ([`veil_tree`]). The
 //! leaves of a deep store are processed in the same way ([`leaves`]). Chunks are distributed in a fixed way and summed in a fixed order: the result
 //! is bit-identical for any number of threads. Units: lx, cd/m^2, pc.
 

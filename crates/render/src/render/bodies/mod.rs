@@ -29,7 +29,7 @@ use crate::{
     plan::{
         bodies::{
             blocks::{all_blocks, reached_blocks},
-            seen::{Around, BodyDisc, DiscSun, PointSource, may_cross},
+            seen::{Around, BodyDisc, DiscSun, PointSource},
             textures::distinct_textures,
         },
         stars::range::FixedPoint,
@@ -200,7 +200,8 @@ impl Bodies {
             texels: self.textures.as_ref().map_or(&self.stand_in, |textures| &textures.words),
         };
         let has_circle = has_circle(viewport);
-        let ray_tile = RayTile { index: index as u32, layers, has_circle, may_cross: may_cross(seen) };
+        let may_cross = plan.bodies.as_ref().is_some_and(|plan| plan.crosses[tile.viewport]);
+        let ray_tile = RayTile { index: index as u32, layers, has_circle, may_cross };
         let rays = self.rays(gpu);
         let mut pass = begin_pass(recording.encoder, recording.timer, "geometry");
         rays.record(gpu, &mut pass, &ray_tile, &target);
@@ -244,7 +245,7 @@ impl Technique for Bodies {
                 let form = RayForm { has_layers: true, has_plain: false, has_circle };
                 jobs.push(PipelineJob::beside("bodies and asteroids", rays.pipeline_job(gpu, form)));
             }
-            if objects.bodies.len() > 1 {
+            if objects.bodies.len() > 1 || objects.bodies.iter().any(|body| body.emission.is_some()) {
                 jobs.push(PipelineJob::beside("crossing limbs", rays.crossed_job(gpu, has_circle)));
             }
         }

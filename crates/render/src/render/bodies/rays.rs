@@ -60,7 +60,7 @@ pub(crate) struct RayTile<'a> {
     pub layers: Option<&'a RasterLayers>,
     /// Whether the eye of the picture is on a viewing circle.
     pub has_circle: bool,
-    /// Whether the limb of a body may cross another body.
+    /// See [`crate::plan::bodies::seen::BodyPlan::crosses`].
     pub may_cross: bool,
 }
 

@@ -115,29 +115,71 @@ fn between_nodes(nodes: &[DVec2; 9], place: DVec2) -> DVec2 {
     rows[0] * row(0) + rows[1] * row(1) + rows[2] * row(2)
 }
 
-impl Cells {
+/// Positions on another projector's raster at the corners and middles of the cells of a raster, row by row.
+struct Nodes {
+    size: [u32; 2],
+    /// Number of columns and rows of cells.
+    cells: [usize; 2],
+    positions: Vec<Option<DVec2>>,
+}
+
+impl Nodes {
     fn new(own: &Field<'_>, other: &Field<'_>) -> Self {
         let size = own.beam.mapping.size();
-        let [columns, rows] = size.map(|side| side.div_ceil(CELL_PX) as usize);
-        let [node_columns, node_rows] = [2 * columns + 1, 2 * rows + 1];
-        // The last cell of a row or column may be smaller; its middle node is in its middle.
+        let cells = size.map(|side| side.div_ceil(CELL_PX) as usize);
+        let columns = 2 * cells[0] + 1;
+        let mut nodes = Self { size, cells, positions: Vec::new() };
+        nodes.positions = (0..columns * (2 * cells[1] + 1))
+            .into_par_iter()
+            .map(|index| other.position(own.direction(nodes.place(index % columns, index / columns))?))
+            .collect();
+        nodes
+    }
+
+    /// The place of a node on the raster, pixels. The last cell of a row or column may be smaller; its middle node is in its middle.
+    fn place(&self, column: usize, row: usize) -> DVec2 {
         let along = |node: usize, side: u32| {
             let edge = |cell: usize| (cell as u32 * CELL_PX).min(side);
             0.5 * f64::from(edge(node / 2) + edge(node.div_ceil(2)))
         };
+        DVec2::new(along(column, self.size[0]), along(row, self.size[1]))
+    }
+
+    fn at(&self, column: usize, row: usize) -> Option<DVec2> {
+        self.positions[row * (2 * self.cells[0] + 1) + column]
+    }
+
+    /// For each cell, whether `back`, the positions of the nodes of the other raster on this one, has one in it or next to it.
+    fn reached(&self, back: &Self) -> Vec<bool> {
+        let [columns, rows] = self.cells;
+        let mut reached = vec![false; columns * rows];
+        for place in back.positions.iter().flatten() {
+            let [x, y] = [place.x, place.y].map(|at| (at / f64::from(CELL_PX)).floor());
+            if !(x >= -1.0 && y >= -1.0 && x <= columns as f64 && y <= rows as f64) {
+                continue;
+            }
+            for row in (y as isize - 1).max(0)..(y as isize + 2).min(rows as isize) {
+                for column in (x as isize - 1).max(0)..(x as isize + 2).min(columns as isize) {
+                    reached[row as usize * columns + column as usize] = true;
+                }
+            }
+        }
+        reached
+    }
+}
+
+impl Cells {
+    /// `nodes`: positions of the nodes of `own` on `other`; `back`: those of the nodes of `other` on `own`.
+    fn new(own: &Field<'_>, other: &Field<'_>, nodes: &Nodes, back: &Nodes) -> Self {
+        let [columns, rows] = nodes.cells;
+        let reached = nodes.reached(back);
         let position = |place: DVec2| other.position(own.direction(place)?);
-        let nodes: Vec<Option<DVec2>> = (0..node_columns * node_rows)
-            .into_par_iter()
-            .map(|index| {
-                position(DVec2::new(along(index % node_columns, size[0]), along(index / node_columns, size[1])))
-            })
-            .collect();
         let cell = |index: usize| {
             let (x, y) = (2 * (index % columns), 2 * (index / columns));
-            let held: [Option<DVec2>; 9] = array::from_fn(|node| nodes[(y + node / 3) * node_columns + x + node % 3]);
+            let held: [Option<DVec2>; 9] = array::from_fn(|node| nodes.at(x + node % 3, y + node / 3));
             if held.iter().all(Option::is_some) {
                 let held = held.map(Option::unwrap_or_default);
-                let [corner, end] = [0, 2].map(|node| DVec2::new(along(x + node, size[0]), along(y + node, size[1])));
+                let [corner, end] = [0, 2].map(|node| nodes.place(x + node, y + node));
                 let is_close = |&place: &DVec2| {
                     position(corner + place * (end - corner))
                         .is_some_and(|exact| exact.distance(between_nodes(&held, place)) <= CLOSE_PX)
@@ -145,13 +187,14 @@ impl Cells {
                 let is_smooth = [DVec2::splat(0.25), DVec2::splat(0.75)].iter().all(is_close);
                 return if is_smooth { Cell::Smooth(held) } else { Cell::Exact };
             }
-            // The edge of the other projector's picture may pass through a cell next to one that it reaches.
-            let mut around = (y.saturating_sub(2)..(y + 5).min(node_rows))
-                .flat_map(|row| (x.saturating_sub(2)..(x + 5).min(node_columns)).map(move |column| (column, row)));
-            let is_near = around.any(|(column, row)| nodes[row * node_columns + column].is_some());
+            // The edge of the other projector's picture may pass through a cell next to one that it reaches. A picture that is smaller than the
+            // distance of the nodes has nodes in the cell.
+            let mut around = (y.saturating_sub(2)..(y + 5).min(2 * rows + 1))
+                .flat_map(|row| (x.saturating_sub(2)..(x + 5).min(2 * columns + 1)).map(move |column| (column, row)));
+            let is_near = reached[index] || around.any(|(column, row)| nodes.at(column, row).is_some());
             if is_near { Cell::Exact } else { Cell::Apart }
         };
-        Self { size, columns, cells: (0..columns * rows).into_par_iter().map(cell).collect() }
+        Self { size: nodes.size, columns, cells: (0..columns * rows).into_par_iter().map(cell).collect() }
     }
 
     /// Returns the cell of a pixel, and the place of the pixel's centre in it, 0 to 1.
@@ -168,10 +211,18 @@ impl Cells {
 /// The blends of projectors that light a dome together, in the same order.
 pub fn edge_blends(beams: &[Beam]) -> Vec<Blend> {
     let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
+    let nodes_of = |own: usize| {
+        let nodes = |other: usize| (other != own).then(|| Nodes::new(&fields[own], &fields[other]));
+        (0..fields.len()).map(nodes).collect()
+    };
+    let nodes: Vec<Vec<Option<Nodes>>> = (0..fields.len()).map(nodes_of).collect();
     // For each pixel: its share, and the number of projectors that reach it.
     let shares = fields.iter().enumerate().map(|(own, field)| {
-        let others = fields.iter().enumerate().filter(|(other, _)| *other != own);
-        let others: Vec<_> = others.map(|(_, other)| (other, Cells::new(field, other))).collect();
+        let others = fields.iter().enumerate().filter_map(|(index, other)| {
+            let (nodes, back) = (nodes[own][index].as_ref()?, nodes[index][own].as_ref()?);
+            Some((other, Cells::new(field, other, nodes, back)))
+        });
+        let others: Vec<_> = others.collect();
         let mapping = &field.beam.mapping;
         let [width, height] = mapping.size();
         let share = |index: usize| {
@@ -248,49 +299,56 @@ mod tests {
         Beam { mapping: Arc::new(TabulatedMapping::new(mapping).unwrap()), dome_from_view: turn, black: 0.01 }
     }
 
-    /// The shares of a projector, with the position of every pixel on the other rasters.
-    fn exact(fields: &[Field<'_>], own: usize) -> Vec<f64> {
+    /// Returns the shares of a projector, and the number of projectors that reach each pixel, from the position of every pixel on the other rasters.
+    fn exact(fields: &[Field<'_>], own: usize) -> Vec<(f64, f64)> {
         let field = &fields[own];
         let [width, height] = field.beam.mapping.size();
         let share = |index: u32| {
             let pixel = pixel_centre(index % width, index / width);
-            let Some(direction) = field.direction(pixel) else { return 0.0 };
+            let Some(direction) = field.direction(pixel) else { return (0.0, 0.0) };
             let weight = field.weight(pixel);
             let others = fields.iter().enumerate().filter(|(other, _)| *other != own);
-            let of_others = others.filter_map(|(_, other)| other.weight_inside(other.position(direction)?));
-            let sum = weight + of_others.sum::<f64>();
-            if sum > 0.0 { weight / sum } else { 1.0 }
+            let of_others: Vec<f64> =
+                others.filter_map(|(_, other)| other.weight_inside(other.position(direction)?)).collect();
+            let sum = weight + of_others.iter().sum::<f64>();
+            (if sum > 0.0 { weight / sum } else { 1.0 }, 1.0 + of_others.len() as f64)
         };
         (0..width * height).map(share).collect()
     }
 
     #[test]
-    fn shares_are_those_of_exact_positions_within_1e_4() {
+    fn shares_are_those_of_exact_positions_within_2e_4() {
         let window = |size| Perspective::symmetric(size, 0.9).unwrap();
         let round = Fisheye::new([173, 173], FisheyeMapping::Equidistant, 1.6).unwrap();
-        // Sizes that are not multiples of a cell; the last two projectors do not reach the first one.
+        // Sizes that are not multiples of a cell, a small picture within a cell of the first one, and one that meets no other.
+        let small = Perspective::symmetric([40, 40], 0.02).unwrap();
         let beams = [
             beam(window([317, 205]), 0.0, 10.0),
             beam(window([317, 205]), 50.0, 15.0),
             beam(round, 40.0, -20.0),
+            beam(small, -7.0, 11.0),
             beam(window([64, 64]), 170.0, 0.0),
         ];
         let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
         let blends = edge_blends(&beams);
-        let mut largest = 0.0_f64;
-        for (own, blend) in blends.iter().enumerate() {
-            let exact = exact(&fields, own);
-            for (weights, exact) in blend.weights().iter().zip(&exact) {
-                largest = largest.max((f64::from(weights[0]) - exact).abs());
+        let exact: Vec<_> = (0..beams.len()).map(|own| exact(&fields, own)).collect();
+        let most = exact.iter().flatten().map(|(_, count)| *count).fold(1.0, f64::max);
+        let mut largest = [0.0_f64; 2];
+        for (blend, exact) in blends.iter().zip(&exact) {
+            for (weights, (share, count)) in blend.weights().iter().zip(exact) {
+                let black = if *count > 0.0 { 0.01 * (most - count) / count } else { 0.0 };
+                for (largest, (found, exact)) in largest.iter_mut().zip(weights.iter().zip([*share, black])) {
+                    *largest = largest.max((f64::from(*found) - exact).abs());
+                }
             }
         }
-        println!("largest difference of a share: {largest:.1e}");
-        assert!(largest < 1e-4);
-        // Some pixels of the first three are shared, and the last one has all of its light.
+        println!("largest difference of a share {:.1e}, of a black level {:.1e}", largest[0], largest[1]);
+        assert!(largest[0] < 2e-4 && largest[1] < 1e-6);
+        // Some pixels of each of the first four are shared, and the last one has all of its light.
         let shared =
             |own: usize| blends[own].weights().iter().filter(|weights| weights[0] > 0.1 && weights[0] < 0.9).count();
-        assert!((0..3).all(|own| shared(own) > 1000), "{:?}", [shared(0), shared(1), shared(2)]);
-        assert!(blends[3].weights().iter().all(|weights| weights[0] == 1.0));
+        assert!((0..4).all(|own| shared(own) > 3), "{:?}", [0, 1, 2, 3].map(shared));
+        assert!(blends[4].weights().iter().all(|weights| weights[0] == 1.0));
     }
 
     #[test]
@@ -299,7 +357,8 @@ mod tests {
         let whole = Fisheye::new([96, 96], FisheyeMapping::Equidistant, 360_f64.to_radians()).unwrap();
         let beams = [beam(Perspective::symmetric([80, 80], 0.9).unwrap(), 180.0, 0.0), beam(whole, 0.0, 0.0)];
         let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
-        let cells = Cells::new(&fields[0], &fields[1]);
+        let [nodes, back] = [(0, 1), (1, 0)].map(|(own, other)| Nodes::new(&fields[own], &fields[other]));
+        let cells = Cells::new(&fields[0], &fields[1], &nodes, &back);
         assert!(matches!(cells.of_pixel(40, 40).0, Cell::Exact));
     }
 }

@@ -172,8 +172,9 @@ struct Level {
 
 /// Gaussian weights of the measured cells in both directions.
 struct Cells {
-    /// Weights by row of the table, then latitude. The second list is multiplied by the solid angle and has the sum 1.
+    /// Weights by row of the table, then latitude.
     at_latitude: Vec<Vec<f64>>,
+    /// The same, times the solid angle of each band of latitude; the weights of each row add up to 1.
     over_latitudes: Vec<Vec<f64>>,
     /// Weights by row of the table, then steps of longitude from the cell.
     by_step: Vec<Vec<f64>>,

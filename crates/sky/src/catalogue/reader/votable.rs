@@ -409,7 +409,7 @@ impl<'f> Document<'f> {
             };
             row().map_err(|reason| self.malformed(reason))?;
             if bytes.len() == before {
-                return Err(self.malformed("its table has data, but no field with a size".into()));
+                return Err(self.malformed("its table has data, but all of its fields have a size of 0 bytes".into()));
             }
             if let Some(Ok(table)) = &mut self.table {
                 table.add(Ok(&self.fields))?;

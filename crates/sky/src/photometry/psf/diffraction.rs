@@ -35,7 +35,7 @@ const BLOCK: usize = 16;
 pub struct Sampling {
     /// Pixels along a side of the picture.
     pub size: usize,
-    /// Angle of a pixel, radians.
+    /// Angular size of a pixel, radians.
     pub pixel_rad: f64,
     /// Steps of the transform along a side of a pixel.
     pub steps: usize,

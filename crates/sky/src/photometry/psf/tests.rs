@@ -157,7 +157,7 @@ fn odd_sizes_and_wide_pixels_give_the_same_light() {
 
 #[test]
 fn the_picture_grows_with_the_wavelength() {
-    // The same picture in units of lambda / D.
+    // Measured in units of lambda / D, the green and the red picture must be the same.
     let green = monochromatic(Aperture::Hexagon, GREEN_M, 256, 0.125 * fringe_rad());
     let red = monochromatic(Aperture::Hexagon, 700e-9, 256, 0.125 * fringe_rad());
     let difference = |scale: f64| -> f64 {

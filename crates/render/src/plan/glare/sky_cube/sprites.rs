@@ -170,7 +170,7 @@ pub(super) struct Reach {
     narrowest_per_sr: f64,
     /// Integrals of the squared kernel over the sky, from each of these chords to the widest sprite, 1/sr.
     beyond: Vec<f64>,
-    /// Fraction of a source's light that is scattered within the resolution of the pixels.
+    /// Fraction of a source's light that is scattered by angles too small for the pixels to resolve.
     core_share: f64,
 }
 

@@ -130,4 +130,17 @@ mod tests {
         assert!(from_bytes(&other_size).is_none());
         assert!(from_bytes(&[&bytes[..], &[0; 8]].concat()).is_none());
     }
+
+    #[test]
+    fn equal_inputs_share_a_mapping_while_it_exists() {
+        let fisheye = || Fisheye::new([24, 24], FisheyeMapping::Equidistant, 2.0).unwrap();
+        let kept = |inputs: &[u8]| TabulatedMapping::kept(fisheye(), inputs).unwrap();
+        let first = kept(b"shared");
+        assert_eq!(first, kept(b"shared"));
+        assert_ne!(first, kept(b"other"));
+        let weak = std::sync::Arc::downgrade(&first);
+        drop(first);
+        assert!(weak.upgrade().is_none(), "the list keeps no mapping alive");
+        kept(b"shared");
+    }
 }

@@ -146,11 +146,17 @@ impl TabulatedMapping {
     ///
     /// As [`TabulatedMapping::new`].
     pub fn kept(source: impl PlaneMapping + Send + 'static, inputs: &[u8]) -> Result<Arc<Self>, TabulationError> {
-        static MAPPINGS: Mutex<Vec<(Vec<u8>, Weak<TabulatedMapping>)>> = Mutex::new(Vec::new());
+        type Shared = (cache::Key, Weak<TabulatedMapping>);
+        static MAPPINGS: Mutex<Vec<Shared>> = Mutex::new(Vec::new());
+        let key = cache::key(kept::PART, &[inputs]);
+        // Returns the existing mapping, and forgets those that no longer exist.
+        let find = |mappings: &mut Vec<Shared>| {
+            mappings.retain(|(_, mapping)| mapping.strong_count() > 0);
+            mappings.iter().find(|(of, _)| *of == key).and_then(|(_, mapping)| mapping.upgrade())
+        };
         // No code panics while it holds the lock.
         let mappings = || MAPPINGS.lock().unwrap_or_else(PoisonError::into_inner);
-        let existing = mappings().iter().find(|(of, _)| *of == inputs).and_then(|(_, mapping)| mapping.upgrade());
-        if let Some(mapping) = existing {
+        if let Some(mapping) = find(&mut mappings()) {
             return Ok(mapping);
         }
         let tables = cache::kept_or_made(kept::PART, &[inputs], kept::FORM, || {
@@ -158,10 +164,13 @@ impl TabulatedMapping {
             tracing::info!("computing the table of a projection of {width} x {height} pixels");
             tables(&source)
         })?;
-        let mapping = Arc::new(Self::with_tables(Arc::new(source), tables));
         let mut mappings = mappings();
-        mappings.retain(|(of, mapping)| mapping.strong_count() > 0 && of != inputs);
-        mappings.push((inputs.to_vec(), Arc::downgrade(&mapping)));
+        // Another thread may have been faster.
+        if let Some(mapping) = find(&mut mappings) {
+            return Ok(mapping);
+        }
+        let mapping = Arc::new(Self::with_tables(Arc::new(source), tables));
+        mappings.push((key, Arc::downgrade(&mapping)));
         Ok(mapping)
     }
 
