@@ -8,6 +8,7 @@
 
 mod asteroids;
 mod bodies;
+mod built;
 mod camera;
 mod cluster;
 mod document;
@@ -136,6 +137,7 @@ pub struct Config {
     /// `[server]`.
     pub server: ServerConfig,
     computed_blends: dome::Computed,
+    built: built::Built,
 }
 
 /// Everything except the views, bodies, fields, windows and nodes. These are read one by one, so that messages can give their names.
@@ -356,6 +358,7 @@ impl Config {
             origin: origin.to_owned(),
             folder: folder.to_owned(),
             computed_blends: dome::Computed::default(),
+            built: built::Built::default(),
             pictured: String::new(),
             shared: String::new(),
             scene: sections.scene,
@@ -393,6 +396,7 @@ impl Config {
 
     fn check_views(mut self) -> Result<Self, KeyError> {
         let rig = self.build_rig()?;
+        self.built = built::Built::new(&self.views, &rig);
         let settings = self.resolve_views()?;
         self.build_overlay(None)?;
         let patterned: Vec<&str> =
@@ -451,7 +455,8 @@ impl Config {
 
     /// The rig of all views.
     pub fn rig(&self) -> Result<Rig, ConfigError> {
-        self.build_rig().map_err(|fault| self.error(fault))
+        let built = self.built.rig(&self.views);
+        built.map_or_else(|| self.build_rig(), Ok).map_err(|fault| self.error(fault))
     }
 
     /// The scene's time, which runs in `serve`, `show` and `xr`.

@@ -149,19 +149,14 @@ impl Nodes {
         self.positions[row * (2 * self.cells[0] + 1) + column]
     }
 
-    /// For each cell, whether `back`, the positions of the nodes of the other raster on this one, has one in it or next to it.
+    /// For each cell, whether it has a node of the other raster. `back`: the positions of these nodes on this raster.
     fn reached(&self, back: &Self) -> Vec<bool> {
         let [columns, rows] = self.cells;
         let mut reached = vec![false; columns * rows];
         for place in back.positions.iter().flatten() {
             let [x, y] = [place.x, place.y].map(|at| (at / f64::from(CELL_PX)).floor());
-            if !(x >= -1.0 && y >= -1.0 && x <= columns as f64 && y <= rows as f64) {
-                continue;
-            }
-            for row in (y as isize - 1).max(0)..(y as isize + 2).min(rows as isize) {
-                for column in (x as isize - 1).max(0)..(x as isize + 2).min(columns as isize) {
-                    reached[row as usize * columns + column as usize] = true;
-                }
+            if x >= 0.0 && y >= 0.0 && x < columns as f64 && y < rows as f64 {
+                reached[y as usize * columns + x as usize] = true;
             }
         }
         reached
