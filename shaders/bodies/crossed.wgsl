@@ -75,5 +75,7 @@ fn draw_crossed(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let ray = ray_of(viewport, corner + 0.5, vec3(0.0, 0.0, -1.0));
     let extent = extent_of(viewport, corner, ray);
     let sampled = nearest_of_parts(viewport, body_runs[tile.viewport].xy, corner, ray, extent);
-    geometry[index] = vec4(bitcast<vec3<u32>>(sampled.xyz), with_coverage(drawn.w, 1.0 - (1.0 - sampled.w)));
+    // Rounded as in `rays.wgsl`, which stores the complement of the open share.
+    let open = 1.0 - sampled.w;
+    geometry[index] = vec4(bitcast<vec3<u32>>(sampled.xyz), with_coverage(drawn.w, 1.0 - open));
 }

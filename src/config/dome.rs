@@ -1,9 +1,10 @@
 //! Properties that depend on all projectors of a configuration: blends computed from their overlap, and matched brightness.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use super::{
     Config, ConfigError, VIEWS,
+    memo::Memo,
     projector::{BlendConfig, FOLDS, ProjectorConfig},
     views::{ViewKindSpec, ViewSpec},
 };
@@ -16,38 +17,12 @@ use crate::{
     },
 };
 
-/// Cache of the computed blends with their inputs: computing them takes seconds, and the rig of a configuration is made several times.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Computed(Arc<Mutex<Option<Held>>>);
-
-/// Projectors and their blends.
-type Held = (Vec<Beam>, Vec<Blend>);
-
-impl PartialEq for Computed {
-    /// Always equal, because the blends follow from the configuration.
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
-}
-
-impl Computed {
-    fn of(&self, beams: Vec<Beam>) -> Vec<Blend> {
-        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, blends)) = held.as_ref().filter(|(of, _)| *of == beams) {
-            return blends.clone();
-        }
-        let blends = edge_blends(&beams);
-        *held = Some((beams, blends.clone()));
-        blends
-    }
-}
-
 /// Gives the projectors among `views` their computed blends and matches their brightness. Returns the factor on the light of each view. An error has
 /// the index of its view.
 pub(super) fn match_projectors(
     configs: &[ViewSpec],
     views: &mut [View],
-    computed: &Computed,
+    computed: &Memo<Vec<Beam>, Vec<Blend>>,
 ) -> Result<Vec<f64>, (usize, KeyError)> {
     let mut factors = vec![1.0; views.len()];
     let projectors: Vec<(usize, &ProjectorConfig)> = configs
@@ -73,7 +48,9 @@ pub(super) fn match_projectors(
             };
             Some(Beam { mapping: Arc::clone(mapping), dome_from_view, black })
         });
-        computed.of(beams.collect()).into_iter().map(Some).collect()
+        let beams: Vec<Beam> = beams.collect();
+        let blends = computed.of(&beams, || Ok::<_, (usize, KeyError)>(edge_blends(&beams)))?;
+        blends.into_iter().map(Some).collect()
     } else {
         vec![None; projectors.len()]
     };

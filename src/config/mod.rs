@@ -8,7 +8,6 @@
 
 mod asteroids;
 mod bodies;
-mod built;
 mod camera;
 mod cluster;
 mod document;
@@ -20,6 +19,7 @@ mod headset;
 mod keys;
 mod limits;
 mod look;
+mod memo;
 mod names;
 mod observer;
 mod overlay;
@@ -47,6 +47,7 @@ pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
 pub use keys::{with_keys_of, with_same_keys};
 pub use look::Look;
 pub(crate) use look::{MOST_ABOVE_DEG, MOST_TURN_DEG};
+use memo::Memo;
 pub use observer::ObserverConfig;
 pub use overlay::{LabelConfig, OverlayConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
@@ -86,6 +87,7 @@ use crate::scene::{SceneClock, SceneObjects};
 use crate::solar_system::SolarBody;
 use crate::units::JULIAN_YEAR_S;
 use crate::view::Rig;
+use crate::view::projector::{Beam, Blend};
 
 /// The configuration of `serve` without a file.
 const BUILT_IN: &str = include_str!("built_in.toml");
@@ -136,8 +138,8 @@ pub struct Config {
     pub nodes: Vec<NodeConfig>,
     /// `[server]`.
     pub server: ServerConfig,
-    computed_blends: dome::Computed,
-    built: built::Built,
+    computed_blends: Memo<Vec<Beam>, Vec<Blend>>,
+    built_rig: Memo<Vec<ViewSpec>, Rig>,
 }
 
 /// Everything except the views, bodies, fields, windows and nodes. These are read one by one, so that messages can give their names.
@@ -357,8 +359,8 @@ impl Config {
         let config = Self {
             origin: origin.to_owned(),
             folder: folder.to_owned(),
-            computed_blends: dome::Computed::default(),
-            built: built::Built::default(),
+            computed_blends: Memo::default(),
+            built_rig: Memo::default(),
             pictured: String::new(),
             shared: String::new(),
             scene: sections.scene,
@@ -396,7 +398,6 @@ impl Config {
 
     fn check_views(mut self) -> Result<Self, KeyError> {
         let rig = self.build_rig()?;
-        self.built = built::Built::new(&self.views, &rig);
         let settings = self.resolve_views()?;
         self.build_overlay(None)?;
         let patterned: Vec<&str> =
@@ -418,6 +419,10 @@ impl Config {
     }
 
     fn build_rig(&self) -> Result<Rig, KeyError> {
+        self.built_rig.of(&self.views, || self.new_rig())
+    }
+
+    fn new_rig(&self) -> Result<Rig, KeyError> {
         let mut views = Vec::with_capacity(self.views.len());
         for (index, config) in self.views.iter().enumerate() {
             if let Some(first) = self.views[..index].iter().position(|other| other.name == config.name) {
@@ -455,8 +460,7 @@ impl Config {
 
     /// The rig of all views.
     pub fn rig(&self) -> Result<Rig, ConfigError> {
-        let built = self.built.rig(&self.views);
-        built.map_or_else(|| self.build_rig(), Ok).map_err(|fault| self.error(fault))
+        self.build_rig().map_err(|fault| self.error(fault))
     }
 
     /// The scene's time, which runs in `serve`, `show` and `xr`.

@@ -1,5 +1,5 @@
 //! The published rasteriser in f64: the twin of `packed_cas` and `packed_cas_sorted`, without half floats, contention and solid angles from f32
-//! triangles. What it shares with them is the method: a star lights four pixels. Each gets the luminance that the star would have in its central
+//! triangles. Only the method is the same: a star lights four pixels. Each gets the luminance that the star would have in its central
 //! pixel, times a weight. Temperatures are averaged with luminance as weight.
 
 use super::splat::{Eye, seen_by};

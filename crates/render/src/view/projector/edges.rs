@@ -79,6 +79,11 @@ impl<'a> Field<'a> {
         (inside && is_used()).then(|| self.weight(pixel))
     }
 
+    /// The position on another raster of the direction of a pixel coordinate; see [`Self::position`].
+    fn position_on(&self, other: &Self, pixel: DVec2) -> Option<DVec2> {
+        other.position(self.direction(pixel)?)
+    }
+
     /// The direction of a position on the raster, dome axes.
     fn direction(&self, pixel: DVec2) -> Option<DVec3> {
         Some(self.beam.dome_from_view * self.beam.mapping.direction_from_pixel(pixel)?)
@@ -86,7 +91,6 @@ impl<'a> Field<'a> {
 }
 
 /// Positions on another projector's raster in a cell of [`CELL_PX`] by [`CELL_PX`] pixels of a raster.
-#[derive(Clone, Copy)]
 enum Cell {
     /// The other projector does not reach the cell.
     Apart,
@@ -131,7 +135,7 @@ impl Nodes {
         let mut nodes = Self { size, cells, positions: Vec::new() };
         nodes.positions = (0..columns * (2 * cells[1] + 1))
             .into_par_iter()
-            .map(|index| other.position(own.direction(nodes.place(index % columns, index / columns))?))
+            .map(|index| own.position_on(other, nodes.place(index % columns, index / columns)))
             .collect();
         nodes
     }
@@ -168,7 +172,6 @@ impl Cells {
     fn new(own: &Field<'_>, other: &Field<'_>, nodes: &Nodes, back: &Nodes) -> Self {
         let [columns, rows] = nodes.cells;
         let reached = nodes.reached(back);
-        let position = |place: DVec2| other.position(own.direction(place)?);
         let cell = |index: usize| {
             let (x, y) = (2 * (index % columns), 2 * (index / columns));
             let held: [Option<DVec2>; 9] = array::from_fn(|node| nodes.at(x + node % 3, y + node / 3));
@@ -176,7 +179,7 @@ impl Cells {
                 let held = held.map(Option::unwrap_or_default);
                 let [corner, end] = [0, 2].map(|node| nodes.place(x + node, y + node));
                 let is_close = |&place: &DVec2| {
-                    position(corner + place * (end - corner))
+                    own.position_on(other, corner + place * (end - corner))
                         .is_some_and(|exact| exact.distance(between_nodes(&held, place)) <= CLOSE_PX)
                 };
                 let is_smooth = [DVec2::splat(0.25), DVec2::splat(0.75)].iter().all(is_close);
@@ -232,7 +235,7 @@ pub fn edge_blends(beams: &[Beam]) -> Vec<Blend> {
                 let position = match cells.of_pixel(x, y) {
                     (Cell::Apart, _) => None,
                     (Cell::Smooth(nodes), place) => Some(between_nodes(nodes, place)),
-                    (Cell::Exact, _) => field.direction(pixel).and_then(|direction| other.position(direction)),
+                    (Cell::Exact, _) => field.position_on(other, pixel),
                 };
                 if let Some(other_weight) = position.and_then(|position| other.weight_inside(position)) {
                     sum += other_weight;
