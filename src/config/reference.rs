@@ -7,7 +7,7 @@
 use schemars::{Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
 
-use super::Sections;
+use super::reading::Sections;
 use super::views::all_faces;
 use crate::photometry::psf::Aperture;
 use crate::ranges::{Range, number, schema_of};
