@@ -118,7 +118,7 @@ mod tests {
         let (words, accuracy) = (table.words(), table.accuracy());
         let TabulatedMapping { source, baked, starts, accuracy: found, .. } = table;
         let bytes = to_bytes(&Tables { baked, starts, accuracy: found });
-        let again = TabulatedMapping::with_tables(source, from_bytes(&bytes).unwrap());
+        let again = TabulatedMapping::with_tables(source, from_bytes(&bytes).unwrap(), None);
         assert!(again.words() == words);
         assert_eq!(again.accuracy(), accuracy);
         assert_eq!(to_bytes(&Tables { baked: again.baked, starts: again.starts, accuracy }), bytes);

@@ -59,6 +59,8 @@ pub struct TabulatedMapping {
     starts: Starts,
     has_cut: bool,
     accuracy: TableAccuracy,
+    /// Key of its inputs in the cache; `None` if they are not known.
+    key: Option<cache::Key>,
 }
 
 impl fmt::Debug for TabulatedMapping {
@@ -136,7 +138,7 @@ impl TabulatedMapping {
     /// As [`TabulatedMapping::new`].
     pub fn shared(source: Arc<dyn PlaneMapping + Send>) -> Result<Self, TabulationError> {
         let tables = tables(&*source)?;
-        Ok(Self::with_tables(source, tables))
+        Ok(Self::with_tables(source, tables, None))
     }
 
     /// As [`TabulatedMapping::new`], but the table is kept in the cache of the process. `inputs` are its key there, and must determine the mapping.
@@ -169,15 +171,20 @@ impl TabulatedMapping {
         if let Some(mapping) = find(&mut mappings) {
             return Ok(mapping);
         }
-        let mapping = Arc::new(Self::with_tables(Arc::new(source), tables));
+        let mapping = Arc::new(Self::with_tables(Arc::new(source), tables, Some(key)));
         mappings.push((key, Arc::downgrade(&mapping)));
         Ok(mapping)
     }
 
-    fn with_tables(source: Arc<dyn PlaneMapping + Send>, tables: Tables) -> Self {
+    fn with_tables(source: Arc<dyn PlaneMapping + Send>, tables: Tables, key: Option<cache::Key>) -> Self {
         let Tables { baked, starts, accuracy } = tables;
         let has_cut = starts.has_cut();
-        Self { source, baked, starts, has_cut, accuracy }
+        Self { source, baked, starts, has_cut, accuracy, key }
+    }
+
+    /// Identifies the inputs of the mapping; `None` if they are not known ([`TabulatedMapping::new`]).
+    pub fn key(&self) -> Option<&cache::Key> {
+        self.key.as_ref()
     }
 
     /// Accuracy of the table.
