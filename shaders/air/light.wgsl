@@ -134,7 +134,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
             var light = bitcast<vec3<f32>>(before.xyz);
             if parameters.has_air != 0u {
                 if any(light > vec3(0.0)) {
-                    let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(pixel) + 0.5)));
+                    let towards = normalize(world_direction(viewport, direction_of_pixel(viewport, vec2<i32>(pixel))));
                     light *= exp2(parameters.extinction * air_mass(mirrored(dot(towards, parameters.zenith), parameters.has_ground != 0u)));
                 }
                 light += parameters.light_share * grid_in_row(&column, pixel.y);
@@ -143,13 +143,12 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         return;
     }
-    var next = direction_of_point(viewport, vec2<f32>(top) + 0.5);
+    var next = direction_of_pixel(viewport, vec2<i32>(top));
     for (var row = 0u; row < rows; row++) {
-        let pixel = top + vec2(0u, row);
-        let centre = vec2<f32>(pixel) + 0.5;
+        let pixel = vec2<i32>(top + vec2(0u, row));
         let own = next;
-        next = direction_of_point(viewport, centre + vec2(0.0, 1.0));
-        if !contains(viewport, vec2<i32>(pixel)) {
+        next = direction_of_pixel(viewport, pixel + vec2(0, 1));
+        if !contains(viewport, pixel) {
             continue;
         }
         let index = tile.first_pixel + (first_row + row) * viewport.size.x + id.x;
@@ -163,7 +162,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
             let passed = exp2(parameters.extinction * air_mass(mirrored(sine, parameters.has_ground != 0u)));
             var added: vec3<f32>;
             if FROM_GRID {
-                added = grid_in_row(&column, pixel.y);
+                added = grid_in_row(&column, u32(pixel.y));
                 if is_steep || sine < GRID_FROM {
                     added = added_light(towards);
                 }
@@ -173,7 +172,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
             light = light * passed + parameters.light_share * added;
         }
         if parameters.has_ground != 0u {
-            let right = direction_of_point(viewport, centre + vec2(1.0, 0.0));
+            let right = direction_of_pixel(viewport, pixel + vec2(1, 0));
             var share = 0.0;
             var ground = parameters.ground;
             if HAS_LANDSCAPE {

@@ -33,8 +33,8 @@ const CROSSED_PARTS: u32 = 12u;
 fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec4<f32> {
     var sum = vec4(0.0);
     for (var i = 0u; i < CROSSED_PARTS * CROSSED_PARTS; i++) {
-        let position = corner + (vec2(f32(i % CROSSED_PARTS), f32(i / CROSSED_PARTS)) + 0.5) / f32(CROSSED_PARTS);
-        let own = ray_of(viewport, position, ray);
+        let point = (vec2(f32(i % CROSSED_PARTS), f32(i / CROSSED_PARTS)) + 0.5) / f32(CROSSED_PARTS);
+        let own = ray_at(viewport, corner, point, ray);
         var nearest = 3e38;
         var front = vec4(0.0);
         var corona = vec3(0.0);
@@ -72,7 +72,8 @@ fn draw_crossed(@builtin(global_invocation_id) invocation: vec3<u32>) {
         return;
     }
     let corner = vec2<f32>(vec2(id.x, tile.first_row + id.y));
-    let ray = ray_of(viewport, corner + 0.5, vec3(0.0, 0.0, -1.0));
+    let ray = centre_ray(viewport, corner);
+    prepare_rays(viewport, corner, ray, true);
     let extent = extent_of(viewport, corner, ray);
     let sampled = nearest_of_parts(viewport, body_runs[tile.viewport].xy, corner, ray, extent);
     // Rounded as in `rays.wgsl`, which stores the complement of the open share.

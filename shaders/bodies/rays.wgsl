@@ -107,14 +107,14 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
     var whole = 0.0;
     var is_covered = true;
     for (var i = 0u; i < parts * parts; i++) {
-        let position = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
+        let point = (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
         var own = ray;
         var passage = middle;
         // Differences between opposite sides: of the rays, and of the distance from the body's centre.
         var across = array<vec3<f32>, 2>();
         var slopes = vec2(0.0);
         for (var k = 0u; k < ray_count; k++) {
-            let found = ray_of(viewport, position + places[k] * step, own);
+            let found = ray_at(viewport, corner, point + places[k] * step, own);
             let found_passage = passage_of(body, found);
             if k == 0u {
                 own = found;
@@ -200,7 +200,7 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     var beyond: array<vec4<f32>, 2>;
     for (var i = 0; i < turns(viewport, 2); i++) {
         let side = select(vec2(1.0, 0.5), vec2(0.5, 1.0), i == 1);
-        beyond[i] = on_equator(body, ray_of(viewport, corner + side, ray));
+        beyond[i] = on_equator(body, ray_at(viewport, corner, side, ray));
     }
     let right = beyond[0];
     let down = beyond[1];
@@ -222,8 +222,8 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     let parts = u32(clamp(ceil(reach / RING_PART), least, MOST_RING_PARTS));
     var sum = vec2(0.0);
     for (var i = 0u; i < parts * parts; i++) {
-        let position = (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
-        let part_ray = ray_of(viewport, corner + position, ray);
+        let point = (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
+        let part_ray = ray_at(viewport, corner, point, ray);
         let place = on_equator(body, part_ray);
         let on_globe = passage_of(body, part_ray);
         if on_globe.s < 1.0 && entry_of(body, on_globe).w < place.z {
@@ -263,8 +263,8 @@ fn corona_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: v
     let parts = u32(clamp(ceil(2.0 * reach / (CORONA_STEP * max(s, 1.0))), 1.0, MOST_CORONA_PARTS));
     var sum = 0.0;
     for (var i = 0u; i < parts * parts; i++) {
-        let position = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
-        sum += corona_over_disc(passage_of(body, ray_of(viewport, position, ray)).s);
+        let point = (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
+        sum += corona_over_disc(passage_of(body, ray_at(viewport, corner, point, ray)).s);
     }
     return body.around_light * (sum / f32(parts * parts));
 }
@@ -347,10 +347,11 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         return;
     }
     let corner = vec2<f32>(pixel);
-    let ray = ray_of(viewport, corner + 0.5, vec3(0.0, 0.0, -1.0));
+    let ray = centre_ray(viewport, corner);
     let run = body_runs[tile.viewport].xy;
     var covered = 0.0;
     if HAS_LAYERS {
+        prepare_rays(viewport, corner, ray, true);
         let extent = extent_of(viewport, corner, ray);
         let samples = parameters.samples;
         var light = vec3(0.0);
@@ -359,8 +360,8 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         var limb = false;
         for (var i = 0u; i < samples * samples; i++) {
             let within = vec2(i % samples, i / samples);
-            let place = corner + (vec2<f32>(within) + 0.5) / f32(samples);
-            let found = layers_at(viewport, vec2(id.x, id.y) * samples + within, ray_of(viewport, place, ray));
+            let point = (vec2<f32>(within) + 0.5) / f32(samples);
+            let found = layers_at(viewport, vec2(id.x, id.y) * samples + within, ray_at(viewport, corner, point, ray));
             if found.w > 0.0 {
                 covered += 1.0;
                 light += found.xyz;
@@ -375,7 +376,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
                 var covered_share = 0.0;
                 for (var i = 0u; i < samples * samples; i++) {
                     let within = vec2(i % samples, i / samples);
-                    let own = ray_of(viewport, corner + (vec2<f32>(within) + 0.5) / f32(samples), ray);
+                    let own = ray_at(viewport, corner, (vec2<f32>(within) + 0.5) / f32(samples), ray);
                     var found = layers_at(viewport, vec2(id.x, id.y) * samples + within, own);
                     var share = select(0.0, 1.0, found.w > 0.0);
                     for (var b = run.x; b < run.x + run.y; b++) {
@@ -418,10 +419,11 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     var is_corona_steep = false;
     let unit = normalize(ray);
     let end = run.x + run.y;
-    var extent = 0.0;
-    for (var b = next_near(run.x, end, unit); b < end; b = next_near(b + 1u, end, unit)) {
+    let first = next_near(run.x, end, unit);
+    prepare_rays(viewport, corner, ray, first < end);
+    for (var b = first; b < end; b = next_near(b + 1u, end, unit)) {
         let body = body_for(viewport, b, ray);
-        extent = extent_of(viewport, corner, ray);
+        let extent = extent_of(viewport, corner, ray);
         var contribution = body_in_pixel(viewport, body, corner, ray, extent);
         var rings: Contribution;
         if body.around == AROUND_RINGS {

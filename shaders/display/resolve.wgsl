@@ -80,7 +80,7 @@ fn diffuse_cell(grid: PointGrid, x: u32, above: f32) -> DiffuseCell {
 
 // Returns the light from behind the surfaces and the air of a pixel, read in the pixel's own direction.
 fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> vec3<f32> {
-    let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(pixel) + 0.5)));
+    let towards = normalize(world_direction(viewport, direction_of_pixel(viewport, vec2<i32>(pixel))));
     var arriving = towards;
     var passed = vec3(1.0);
     if HAS_AIR {

@@ -19,11 +19,11 @@ struct Gaussian {
     last: vec2<i32>,
 }
 
-// Returns the larger and the smaller angle that a pixel subtends around a direction (unit vector), rad.
-fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
+// Returns the larger and the smaller angle that a pixel subtends around a direction (unit vector), rad. `image`: position of its image, pixels.
+fn pixel_extent(viewport: Viewport, direction: vec3<f32>, image: vec2<f32>) -> vec2<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
-        return tabulated_extent(viewport, direction);
+        return tabulated_extent(viewport, image);
     }
 #end
     let step = abs(1.0 / viewport.plane_scale);
@@ -98,7 +98,7 @@ fn chord_squared(viewport: Viewport, gaussian: Gaussian, position: vec2<i32>) ->
             return 4.0 * (half * half + precise_sin(star_angle) * precise_sin(pixel_angle) * turn * turn);
         }
         default: {
-            let difference = direction_from_pixel(viewport, vec2<f32>(position) + 0.5).xyz - gaussian.direction;
+            let difference = direction_of_pixel(viewport, position) - gaussian.direction;
             return dot(difference, difference);
         }
     }

@@ -73,18 +73,24 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
 
 // Returns the unit direction in view space of a pixel coordinate of the picture; w = 0 outside it.
 fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        let outside = any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size));
+        return select(tabulated_direction(viewport, pixel), vec4(0.0), outside);
+    }
+#end
+    return closed_direction_from_pixel(viewport, pixel);
+}
+
+// As `direction_from_pixel`, for projections in closed form.
+fn closed_direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     if any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size)) {
         return vec4(0.0);
     }
-#when shared/tabulated
-    if viewport.kind == KIND_TABULATED {
-        return tabulated_direction(viewport, pixel);
-    }
-#end
     if is_fisheye(viewport) && length((pixel - viewport.plane_offset) / viewport.plane_scale) > 1.0 {
         return vec4(0.0);
     }
-    return vec4(direction_of_point(viewport, pixel), 1.0);
+    return vec4(closed_direction_of_point(viewport, pixel), 1.0);
 }
 
 // Returns the unit direction in view space of a point of the plane. Outside the picture the mapping is continued as far as it is defined. Beyond
@@ -95,6 +101,21 @@ fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
         return tabulated_beyond(viewport, pixel);
     }
 #end
+    return closed_direction_of_point(viewport, pixel);
+}
+
+// Returns the unit direction in view space of the centre of a pixel of the picture, or of one next to it.
+fn direction_of_pixel(viewport: Viewport, pixel: vec2<i32>) -> vec3<f32> {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_node(viewport, pixel + TABLE_FRINGE).xyz;
+    }
+#end
+    return closed_direction_of_point(viewport, vec2<f32>(pixel) + 0.5);
+}
+
+// As `direction_of_point`, for projections in closed form.
+fn closed_direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
             return normalize(vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0));

@@ -187,7 +187,7 @@ fn holds_image(tile: Tile, viewport: Viewport, pixel: vec2<f32>) -> bool {
 
 // Returns the image of `illuminance` lx from `direction` (any length) at `pixel`.
 fn image_of(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, illuminance: f32) -> Image {
-    let extent = pixel_extent(viewport, normalize(direction));
+    let extent = pixel_extent(viewport, normalize(direction), pixel);
     return Image(direction, extent, pixel, illuminance / (extent.x * extent.y));
 }
 

@@ -321,9 +321,8 @@ fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
     return vec3(place + 0.5 - f32(TABLE_FRINGE), 1.0);
 }
 
-// Returns the larger and the smaller angle that a pixel subtends around a direction (unit vector), rad: singular values of the derivative.
-fn tabulated_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
-    let pixel = tabulated_pixel(viewport, direction).xy;
+// Returns the larger and the smaller angle that a pixel subtends around a position, rad: singular values of the derivative.
+fn tabulated_extent(viewport: Viewport, pixel: vec2<f32>) -> vec2<f32> {
     // The middle, then a step ahead and a step back along each axis, in one loop: drivers insert a copy of the code of a place at each call.
     var middle = vec3(0.0);
     var ahead = vec4(0.0);

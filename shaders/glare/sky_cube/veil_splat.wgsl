@@ -73,7 +73,7 @@ fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gauss
         || (viewport.kind <= KIND_CUBE_FACE && lies_beside(viewport, direction, cut)) {
         reached.last.y = -1;
     } else if projected.z > 0.0 {
-        let reach = gaussian_reach(viewport, direction, pixel_extent(viewport, direction).y, cut);
+        let reach = gaussian_reach(viewport, direction, pixel_extent(viewport, direction, projected.xy).y, cut);
         reached = gaussian_around(viewport, direction, projected.xy, reach, 1.0, cut);
     } else if direction.z > cut {
         // The source has no image and is too far outside the region of directions that have images.
@@ -122,7 +122,7 @@ fn splat_veils(@builtin(global_invocation_id) place: vec3<u32>) {
         var four: Directions4;
         for (var lane = 0; lane < lanes; lane++) {
             let pixel = gaussian_pixel(viewport, vec2(position.x + lane, position.y));
-            set_lane(&four, u32(lane), direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5).xyz);
+            set_lane(&four, u32(lane), direction_of_pixel(viewport, pixel));
         }
         let kernel = sprite_kernel(view, in_view, four);
         for (var lane = 0; lane < lanes; lane++) {

@@ -4,6 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::{
     super::{PlaneMapping, check_size, pixel_centre, warp::triangle_sr},
@@ -95,6 +96,18 @@ fn differences(middle: DVec3, [right, left, below, above]: [Option<DVec3>; 4]) -
     Some([along(right, left)?, along(below, above)?])
 }
 
+/// Whether a solid angle is in a range, with a tolerance of [`SOLID_ANGLE_PARTS`].
+fn is_alike(solid_angle_sr: f64, [least_sr, most_sr]: [f64; 2]) -> bool {
+    ((1.0 - SOLID_ANGLE_PARTS) * least_sr..=(1.0 + SOLID_ANGLE_PARTS) * most_sr).contains(&solid_angle_sr)
+}
+
+/// Solid angle per unit area at a pixel's centre, sr. If it changes fast from pixel to pixel, it differs from that of the whole pixel; both are
+/// accepted.
+fn density_sr(source: &dyn PlaneMapping, centre: DVec2) -> Option<f64> {
+    let [right, left, below, above] = directions_around(source, centre, DENSITY_STEP_PX);
+    Some((right? - left?).cross(below? - above?).length() / DENSITY_STEP_PX.powi(2))
+}
+
 /// Solid angle of the polygon through the corners of a pixel and the midpoints of its sides, sr. It is exact if the map is flat between these points
 /// and the centre, whose direction is `middle`.
 fn outlined_sr(source: &dyn PlaneMapping, centre: DVec2, middle: DVec3) -> Option<f64> {
@@ -133,26 +146,14 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         let spanned = along_x.cross(along_y);
         pixel.sides_rad = singular_values(along_x, along_y);
         pixel.mirrored = Some(spanned.dot(direction) < 0.0);
-        // If the solid angle changes fast from pixel to pixel, the solid angle of the whole pixel differs from the density at its centre, so both
-        // values are accepted.
-        let [right, left, below, above] = directions_around(source, centre, DENSITY_STEP_PX);
-        let density_sr = match (right, left, below, above) {
-            (Some(right), Some(left), Some(below), Some(above)) => {
-                (right - left).cross(below - above).length() / DENSITY_STEP_PX.powi(2)
-            }
-            _ => f64::NAN,
-        };
         let whole = around.iter().all(Option::is_some);
         let spanned_sr = spanned.length();
-        // In a map of flat facets, only the outline of the pixel gives its solid angle.
-        let outlined_sr = outlined_sr(source, centre, direction);
-        let (least, most) = (
-            spanned_sr.min(density_sr).min(outlined_sr.unwrap_or(f64::NAN)),
-            spanned_sr.max(density_sr).max(outlined_sr.unwrap_or(f64::NAN)),
-        );
-        let allowed = (1.0 - SOLID_ANGLE_PARTS) * least..=(1.0 + SOLID_ANGLE_PARTS) * most;
-        if whole && !allowed.contains(&solid_angle_sr) {
-            return Err(TabulationError::SolidAngle { pixel: [x, y], given_sr: solid_angle_sr, spanned_sr });
+        if whole && !is_alike(solid_angle_sr, [spanned_sr; 2]) {
+            let others = [density_sr(source, centre), outlined_sr(source, centre, direction)].into_iter().flatten();
+            let range = others.fold([spanned_sr; 2], |[least, most], sr| [least.min(sr), most.max(sr)]);
+            if !is_alike(solid_angle_sr, range) {
+                return Err(TabulationError::SolidAngle { pixel: [x, y], given_sr: solid_angle_sr, spanned_sr });
+            }
         }
     }
     // A pixel without solid angle is not part of the picture.
@@ -202,11 +203,11 @@ pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, Tabulati
         own.unwrap_or_else(of_sphere).normalize_or(DVec3::NEG_Z)
     };
     let directions = with_fringe(source, &pixels);
-    let farthest = |directions: &mut dyn Iterator<Item = DVec3>| {
-        directions.map(|direction| axis.angle_between(direction)).fold(0.0, f64::max)
-    };
-    let reach_rad =
-        [farthest(&mut in_picture().map(|pixel| pixel.direction)), farthest(&mut directions.iter().flatten().copied())];
+    let angle_to = |direction: DVec3| axis.angle_between(direction);
+    let reach_rad = [
+        pixels.par_iter().flatten().map(|pixel| angle_to(pixel.direction)).reduce(|| 0.0, f64::max),
+        directions.par_iter().flatten().map(|direction| angle_to(*direction)).reduce(|| 0.0, f64::max),
+    ];
     let least = |value_of: fn(&Pixel) -> f64| in_picture().map(value_of).fold(f64::INFINITY, f64::min);
     let longest_rad = in_picture().map(|pixel| pixel.sides_rad[0]).fold(0.0, f64::max);
     Ok(Baked {
@@ -257,7 +258,7 @@ fn with_fringe(source: &dyn PlaneMapping, pixels: &[Option<Pixel>]) -> Vec<Optio
         next.dedup();
         let held = |node: [i64; 2]| index(node).and_then(|index| directions[index]);
         let found: Vec<_> = next
-            .iter()
+            .par_iter()
             .filter_map(|node| {
                 let guess = continued(*node, &held)?;
                 let pixel = pixel_of_place(DVec2::new(node[0] as f64, node[1] as f64));

@@ -79,13 +79,15 @@ pub(super) fn compare(
     let [width, height] = nodes.size;
     let compare_point = |pixel: DVec2| {
         let direction = source.direction_from_pixel(pixel)?.try_normalize()?;
-        // A corner on a cut may be on either side of it.
-        let image = source.pixel_from_direction(direction)?;
-        if image.distance(pixel) > INVERSE_PX || nodes.quad(place_of_pixel(pixel)).is_none() {
-            return None;
-        }
+        nodes.quad(place_of_pixel(pixel))?;
         let found = lookup(direction);
         let off_px = found.map_or(f64::INFINITY, |found| found.distance(pixel));
+        // A corner on a cut may be on either side of it. The inverse takes long, so it is computed only where the table differs.
+        if !is_within(off_px, REFINED_PX)
+            && !is_within(source.pixel_from_direction(direction)?.distance(pixel), INVERSE_PX)
+        {
+            return None;
+        }
         let in_sliver = off_px > REFINED_PX
             && found.is_some_and(|found| {
                 // The table continues beyond the end of the mapping.

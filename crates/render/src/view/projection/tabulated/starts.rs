@@ -158,7 +158,10 @@ pub(super) fn starts(
 ) -> Result<Starts, Junction> {
     let mut filler = Filler { starts: Starts::new(axis, half_angle_rad, pixels), source, nodes };
     let side = filler.starts.side;
-    let rows = super::rows::by_rows(side, |y| (0..side).map(|x| filler.cell(x, y)).collect::<Result<Vec<_>, _>>());
+    let rows = super::rows::by_rows(side, |y| {
+        let mut left = None;
+        (0..side).map(|x| filler.cell(x, y, &mut left)).collect::<Result<Vec<_>, _>>()
+    });
     let mut cells = Vec::with_capacity((side * side) as usize);
     for row in rows {
         cells.extend(row?);
@@ -199,10 +202,25 @@ impl Filler<'_> {
         places.map(|local| self.sample(cell, local)).collect()
     }
 
-    fn cell(&self, x: u32, y: u32) -> Result<Cell, Junction> {
+    /// The 3 x 3 samples of a cell. `left`: the samples of the right side of the cell on its left, which are then replaced by those of this one.
+    fn coarse(&self, cell: DVec2, left: &mut Option<[Sample; 3]>) -> [Sample; 9] {
+        let half = |index: usize| index as f64 / 2.0 - 0.5;
+        let samples = std::array::from_fn(|index| {
+            let (column, row) = (index % 3, index / 3);
+            match left {
+                Some(left) if column == 0 => Sample { local: DVec2::new(half(0), half(row)), ..left[row] },
+                _ => self.sample(cell, DVec2::new(half(column), half(row))),
+            }
+        });
+        *left = Some([samples[2], samples[5], samples[8]]);
+        samples
+    }
+
+    /// `left`: see [`Self::coarse`].
+    fn cell(&self, x: u32, y: u32, left: &mut Option<[Sample; 3]>) -> Result<Cell, Junction> {
         let cell = DVec2::new(f64::from(x), f64::from(y));
         // For cells that are evenly mapped or have no image, a few samples are sufficient.
-        let coarse = self.samples(cell, 3);
+        let coarse = self.coarse(cell, left);
         if coarse.iter().any(|sample| sample.held) && is_even(&coarse) {
             return Ok(nearest_to(&coarse, DVec2::ZERO));
         }

@@ -31,8 +31,8 @@ const STEPS: usize = 40;
 const HALVINGS: usize = 8;
 /// Steps shorter than this are not checked, pixels.
 const SURE_PX: f64 = 1e-6;
-/// The search ends after a step shorter than this, pixels.
-const FOUND_PX: f64 = 1e-9;
+/// The search ends after a step shorter than this, pixels: errors fall with the square of the step.
+const FOUND_PX: f64 = 1e-5;
 /// Ratio of area to squared length below which pixels have shrunk to lines.
 const SHRUNK: f64 = 0.2;
 /// Distance beyond the raster up to which positions are found, cells of the grid: half a cell for samples at cell centres, plus a fringe for stars on
@@ -244,6 +244,14 @@ impl Warp {
         Some(Jet { value: unit, across: tangent(across, scale.x), down: tangent(down, scale.y) })
     }
 
+    /// The direction of [`Self::jet`].
+    fn direction(&self, pixel: DVec2) -> Option<DVec3> {
+        let value = self.surface.value(self.in_samples(pixel));
+        let length = value.length();
+        // False for NaN.
+        (length > 0.1).then(|| value / length)
+    }
+
     /// Whether all corners of the cell around a position, in sample units, are known.
     fn has_corners(&self, [x, y]: [f64; 2]) -> bool {
         self.cells[cell(y, self.grid[1]) * (self.grid[0] - 1) + cell(x, self.grid[0])]
@@ -296,7 +304,7 @@ impl Warp {
             DVec2::new((x as f64 + 0.5) / across as f64 * width, (y as f64 + 0.5) / down as f64 * height)
         };
         let known = points.map(place).filter(|pixel| self.is_known(*pixel));
-        known.filter_map(|pixel| Some((pixel, self.jet(pixel)?.value))).collect()
+        known.filter_map(|pixel| Some((pixel, self.direction(pixel)?))).collect()
     }
 }
 
@@ -414,7 +422,7 @@ impl PlaneMapping for Warp {
     fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
         let (width, height) = (f64::from(self.size[0]), f64::from(self.size[1]));
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= width && pixel.y <= height;
-        if inside && self.is_known(pixel) { Some(self.jet(pixel)?.value) } else { None }
+        if inside && self.is_known(pixel) { self.direction(pixel) } else { None }
     }
 
     fn is_faceted(&self) -> bool {

@@ -76,6 +76,30 @@ impl Surface {
         }
     }
 
+    /// [`Self::evaluate`] without the derivatives, which takes a third of the time.
+    pub(super) fn value(&self, [x, y]: [f64; 2]) -> DVec3 {
+        let [columns, rows] = self.samples;
+        let [i, j] = [cell(x, columns), cell(y, rows)];
+        let [tx, ty] = [x - i as f64, y - j as f64];
+        match self.interpolation {
+            Interpolation::Linear => self.sum_of_values([i, j], columns, [[1.0 - tx, tx], [1.0 - ty, ty]]),
+            Interpolation::Smooth => self.sum_of_values([i, j], columns + 2, [basis(tx).0, basis(ty).0]),
+        }
+    }
+
+    fn sum_of_values<const N: usize>(&self, [i, j]: [usize; 2], stride: usize, [x, y]: [[f64; N]; 2]) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        for row in 0..N {
+            let values = &self.values[(j + row) * stride + i..][..N];
+            let mut along = DVec3::ZERO;
+            for column in 0..N {
+                along += x[column] * values[column];
+            }
+            sum += y[row] * along;
+        }
+        sum
+    }
+
     fn sum<const N: usize>(&self, [i, j]: [usize; 2], stride: usize, weights: [([f64; N], [f64; N]); 2]) -> Jet {
         let [(x, dx), (y, dy)] = weights;
         let mut jet = Jet::default();
