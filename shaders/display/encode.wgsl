@@ -13,6 +13,22 @@ override TONE_OPERATOR: u32 = OPERATOR_FILMIC;
 // Whether `desaturation` and `scotopic` are above 0.
 override DESATURATES: bool = false;
 override SCOTOPIC: bool = false;
+// Whether codes are computed with the shorter approximations of shared/srgb.wgsl.
+override SHORT_CODES: bool = false;
+
+fn encoded_light(linear: vec3<f32>) -> vec3<f32> {
+    if SHORT_CODES {
+        return short_srgb_from_linear(linear);
+    }
+    return srgb_from_linear(linear);
+}
+
+fn decoded_light(encoded: vec3<f32>) -> vec3<f32> {
+    if SHORT_CODES {
+        return short_linear_from_srgb(encoded);
+    }
+    return linear_from_srgb(encoded);
+}
 
 fn filmic(value: vec3<f32>) -> vec3<f32> {
     // Above 1e4 the curve is within 2e-5 of 1. The limit keeps the products finite.
@@ -91,20 +107,20 @@ fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, settings: Displ
         // The curve includes the display's gamma.
         encoded = filmic(value);
     } else if TONE_OPERATOR == OPERATOR_ACES {
-        encoded = srgb_from_linear(aces(value));
+        encoded = encoded_light(aces(value));
     } else {
         if TONE_OPERATOR == OPERATOR_REINHARD {
             scale = reinhard_scale(dot(value, LUMINANCE_WEIGHTS), settings.white);
         }
-        encoded = srgb_from_linear(scale * value);
+        encoded = encoded_light(scale * value);
     }
     if DESATURATES {
-        let linear = linear_from_srgb(encoded);
+        let linear = decoded_light(encoded);
         // With curves per channel, the luminance is that of their result.
         let by_channel = TONE_OPERATOR == OPERATOR_FILMIC || TONE_OPERATOR == OPERATOR_ACES;
         let wanted = dot(select(scale * value, linear, by_channel), LUMINANCE_WEIGHTS);
         let kept = at_luminance(value, min(wanted, 1.0));
-        encoded = srgb_from_linear(linear + settings.desaturation * (kept - linear));
+        encoded = encoded_light(linear + settings.desaturation * (kept - linear));
     }
     return encoded;
 }

@@ -32,6 +32,9 @@ const STEPS_PER_OCTAVE: f64 = 2.0;
 /// Greatest pixel angle of a picture for which the smooth part of a veil is smooth from pixel to pixel, rad.
 const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
 
+/// Least budget within which codes are computed with short approximations, codes.
+const LEAST_OF_SHORT_CODES: f64 = 0.25;
+
 /// Output of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
@@ -67,6 +70,12 @@ impl ErrorBudget {
             }
             _ => None,
         }
+    }
+
+    /// Whether the codes of display images may be computed with the shorter approximations of `shaders/shared/srgb.wgsl`, whose error is at most 0.05
+    /// codes.
+    pub fn allows_short_codes(self) -> bool {
+        matches!(self, Self::Codes(codes) if codes >= LEAST_OF_SHORT_CODES)
     }
 
     /// An approximation whose error is a share of the budget.

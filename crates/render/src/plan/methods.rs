@@ -3,7 +3,7 @@
 
 use super::{
     Limits,
-    budget::{draws_outputs_apart, may_have_veil_in_sums},
+    budget::{ErrorBudget, Output, draws_outputs_apart, may_have_veil_in_sums},
     display::{is_scattered_after, resolves_to_display},
     glare::GlareMap,
     plain_blocks::plain_spacings,
@@ -60,6 +60,8 @@ pub struct Forecast {
     pub may_be_metered: bool,
     /// Whether asteroids are culled on the adapter.
     pub culls_on_gpu: bool,
+    /// See [`ErrorBudget::allows_short_codes`], for frames with display images only.
+    pub has_short_codes: bool,
 }
 
 impl Forecast {
@@ -78,6 +80,8 @@ impl Forecast {
             has_plain,
             may_be_metered: settings.exposure.is_metered(),
             culls_on_gpu: settings.asteroids.culling == Culling::Gpu,
+            has_short_codes: ErrorBudget::of_output(&settings.accuracy, Output::Display)
+                .is_some_and(ErrorBudget::allows_short_codes),
         }
     }
 

@@ -15,6 +15,7 @@ pub(crate) struct DisplayVariant {
     operator: ToneMapOperator,
     desaturates: bool,
     scotopic: bool,
+    has_short_codes: bool,
 }
 
 impl DisplayVariant {
@@ -23,11 +24,17 @@ impl DisplayVariant {
             operator: settings.operator,
             desaturates: settings.desaturation > 0.0,
             scotopic: settings.scotopic > 0.0,
+            has_short_codes: false,
         }
     }
 
+    /// The same tone mapping, with shorter approximations of codes: see `shaders/shared/srgb.wgsl`.
+    pub(crate) fn with_short_codes(self, has_short_codes: bool) -> Self {
+        Self { has_short_codes, ..self }
+    }
+
     /// Returns the overridable constants of `shaders/display/encode.wgsl`.
-    pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
+    pub(crate) fn constants(self) -> [(&'static str, f64); 4] {
         let operator = match self.operator {
             ToneMapOperator::Filmic => display::OPERATOR_FILMIC,
             ToneMapOperator::Srgb => display::OPERATOR_SRGB,
@@ -40,6 +47,7 @@ impl DisplayVariant {
             ("TONE_OPERATOR", f64::from(operator)),
             ("DESATURATES", flag(self.desaturates)),
             ("SCOTOPIC", flag(self.scotopic)),
+            ("SHORT_CODES", flag(self.has_short_codes)),
         ]
     }
 }

@@ -207,6 +207,17 @@ fn a_non_finite_pixel_does_not_affect_the_others() {
 
 /// Runs the tone-mapping pass on a picture in cd/m^2 and returns its bytes.
 fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[f32; 3]], white: f32) -> Vec<[u8; 4]> {
+    encoded(gpu, (settings, false), size, picture, white)
+}
+
+/// As [`displayed`], with short approximations of codes or without them.
+fn encoded(
+    gpu: &Gpu,
+    (settings, has_short_codes): (&ToneMapSettings, bool),
+    size: [u32; 2],
+    picture: &[[f32; 3]],
+    white: f32,
+) -> Vec<[u8; 4]> {
     let (tile, encoded, pixels) = tile_of(size);
     // Stored pictures never contain zero bits of R and G for a lit pixel, since these would mark it as dark. So avoid them here.
     let red = |p: &[f32; 3]| if p[0].to_bits() == 0 && p[1].to_bits() == 0 && p[2] > 0.0 { -0.0 } else { p[0] };
@@ -226,7 +237,7 @@ fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[
         };
         let exposure = storage_buffer(gpu, "exposure", &[exposure]);
         let grid = pixel_grid(&[tile], &[size[0]]);
-        ToneMapPass::new().record(gpu, pass, settings, &picture, (&exposure, &display), grid);
+        ToneMapPass::new().record(gpu, pass, (settings, has_short_codes), &picture, (&exposure, &display), grid);
     })
 }
 
@@ -289,6 +300,46 @@ fn every_tone_map_operator_and_option_matches_its_twin() {
                     assert!(differing(&bytes, &picture, &other, 3.0) > 100, "{settings:?} as {other:?}");
                 }
             }
+        }
+    }
+}
+
+/// Returns the largest distance of a byte from the twin's value, beyond half a code.
+fn farthest(bytes: &[[u8; 4]], picture: &[[f32; 3]], settings: &ToneMapSettings, white: f32) -> f64 {
+    let beyond = |(bytes, rgb): (&[u8; 4], &[f32; 3])| {
+        let expected = settings.display_rgb(rgb.map(f64::from), f64::from(white));
+        (0..3).map(|i| (f64::from(bytes[i]) - 255.0 * expected[i]).abs() - 0.5).fold(0.0, f64::max)
+    };
+    bytes.iter().zip(picture).map(beyond).fold(0.0, f64::max)
+}
+
+#[test]
+fn short_codes_are_within_a_tenth_of_a_code() {
+    let gpu = gpu();
+    let size = [256, 256];
+    // From a twentieth of a code to white, in steps of a hundredth of a code.
+    let ramp = |tint: [f32; 3]| move |step: u32| tint.map(|channel| channel * 10f32.powf(step as f32 / 8192.0 - 4.0));
+    let tints = [[1.0, 1.0, 1.0], [1.0, 0.8, 0.6]];
+    let picture: Vec<[f32; 3]> = tints.into_iter().flat_map(|tint| (0..32768).map(ramp(tint))).collect();
+    for operator in ToneMapOperator::ALL {
+        for desaturation in [0.0, 1.0] {
+            let settings = ToneMapSettings {
+                desaturation,
+                dither: false,
+                peak_cd_m2: 1.0,
+                black_cd_m2: 0.0,
+                ..ToneMapSettings::of(operator)
+            };
+            let farthest = [false, true].map(|short| {
+                let bytes = encoded(&gpu, (&settings, short), size, &picture, 1.0);
+                assert!(!short || bytes[32767] == [255; 4] || operator != ToneMapOperator::Srgb, "white stays white");
+                self::farthest(&bytes, &picture, &settings, 1.0)
+            });
+            println!(
+                "{operator:?}, desaturation {desaturation}: {:.4} codes, short ones {:.4}",
+                farthest[0], farthest[1]
+            );
+            assert!(farthest[0] < 0.004 && farthest[1] < 0.1, "{operator:?}: {farthest:?}");
         }
     }
 }

@@ -21,7 +21,10 @@ use super::{
     presentation::{PresentSource, present_source},
     technique::{Phase, PipelineJob, Recording, Technique, Wish},
 };
-use crate::gpu::Gpu;
+use crate::{
+    gpu::Gpu,
+    plan::{DisplayPlan, budget::ErrorBudget},
+};
 
 /// Passes of this technique.
 pub(super) struct Display {
@@ -56,6 +59,7 @@ impl Display {
             known_ev100,
             tone_map: &frame.plan.display.tone_map,
             shows: frame.plan.display.resolves_to_display && made.display,
+            has_short_codes: has_short_codes(&frame.plan.display),
             air: AirAbove::from_sky(frame.plan.air.sky.as_deref()),
         };
         let gpu = recording.gpu;
@@ -86,7 +90,7 @@ impl Display {
         if recording.frame.plan.display.resolves_to_display {
             return;
         }
-        let (gpu, tone_map) = (recording.gpu, &recording.frame.plan.display.tone_map);
+        let (gpu, plan) = (recording.gpu, &recording.frame.plan.display);
         for number in 0..recording.targets.batches.len() {
             let batch = &recording.targets.batches[number];
             let Some(display) = &batch.display else { continue };
@@ -95,7 +99,7 @@ impl Display {
             self.tone_map.record(
                 gpu,
                 &mut pass,
-                tone_map,
+                (&plan.tone_map, has_short_codes(plan)),
                 &picture,
                 (&recording.targets.exposure, display),
                 batch.grid,
@@ -139,6 +143,11 @@ impl Display {
     }
 }
 
+/// See [`ErrorBudget::allows_short_codes`].
+fn has_short_codes(display: &DisplayPlan) -> bool {
+    display.budget.is_some_and(ErrorBudget::allows_short_codes)
+}
+
 /// Returns which part of the HDR image of a batch is made. The flags say whether the display image, the HDR image for readback, and an HDR image that
 /// stays on the adapter are wanted.
 fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], resolves_to_display: bool) -> HdrImage {
@@ -178,27 +187,32 @@ impl Technique for Display {
         // Forms of the resolve pass, for known and unknown exposure.
         let known = forecast.known_exposures();
         let mut resolves: Vec<ResolveOutputs> = Vec::new();
-        let mut maps_tones = false;
+        // Forms of the tone-mapping pass: with short codes or not.
+        let mut tone_maps: Vec<bool> = Vec::new();
         for (known, (made, veil)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind))) {
             let Wanted { display, hdr, hdr_stays, .. } = made;
             let resolves_to_display = forecast.resolves_to_display(known, veil);
             let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], resolves_to_display);
+            let is_within_budget = resolves_to_display && hdr_made == HdrImage::None;
+            let has_short_codes = forecast.has_short_codes && !hdr && !hdr_stays;
             // The first frame that needs one of these two forms creates it: the form with a map, which depends on the stars, and the form for a
             // moving camera.
             let outputs = ResolveOutputs {
                 geometry: !objects.is_empty(),
                 air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),
                 veil,
+                has_short_codes,
                 ..ResolveOutputs::new(hdr_made, resolves_to_display && display)
             };
-            let is_within_budget = resolves_to_display && hdr_made == HdrImage::None;
             for &plain in if is_within_budget { forecast.plain_forms() } else { &[false] } {
                 let outputs = ResolveOutputs { plain, ..outputs };
                 if forecast.methods.adds_up() && !resolves.contains(&outputs) {
                     resolves.push(outputs);
                 }
             }
-            maps_tones |= display && !resolves_to_display;
+            if display && !resolves_to_display && !tone_maps.contains(&has_short_codes) {
+                tone_maps.push(has_short_codes);
+            }
         }
         // Jobs for these forms.
         let mut jobs: Vec<PipelineJob<'a>> = resolves
@@ -208,9 +222,8 @@ impl Technique for Display {
         jobs.push(PipelineJob::new("exposure", move || {
             self.exposure.pipeline(gpu);
         }));
-        if maps_tones {
-            jobs.push(PipelineJob::new("tone map", move || self.tone_map.pipeline(gpu, tone_map)));
-        }
+        let map_tones = |short| PipelineJob::new("tone map", move || self.tone_map.pipeline(gpu, tone_map, short));
+        jobs.extend(tone_maps.into_iter().map(map_tones));
         let present = |format: wgpu::TextureFormat| {
             PipelineJob::new("present", move || self.present.pipeline(gpu, format, tone_map))
         };

@@ -45,6 +45,8 @@ pub(crate) struct ResolveOutputs {
     pub moves: bool,
     /// Whether the frame has plain blocks.
     pub plain: bool,
+    /// See [`DisplayVariant::with_short_codes`].
+    pub has_short_codes: bool,
 }
 
 /// Number of runs of rows per invocation on a software driver, which spends a microsecond on each workgroup.
@@ -84,6 +86,8 @@ pub(crate) struct ResolveInputs<'a> {
     pub tone_map: &'a ToneMapSettings,
     /// Whether to write the display image. The exposure must be known.
     pub shows: bool,
+    /// See [`DisplayVariant::with_short_codes`].
+    pub has_short_codes: bool,
     /// Air around the camera.
     pub air: AirAbove,
 }
@@ -92,7 +96,19 @@ impl ResolveOutputs {
     /// Returns the outputs for a part of the HDR image, if no light is added to the sums.
     pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
         let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
-        Self { hdr, dark, display, geometry: false, veil: false, sky: false, air: false, moves: false, plain: false }
+        let off = false;
+        Self {
+            hdr,
+            dark,
+            display,
+            geometry: off,
+            veil: off,
+            sky: off,
+            air: off,
+            moves: off,
+            plain: off,
+            has_short_codes: off,
+        }
     }
 }
 
@@ -127,7 +143,8 @@ impl ResolvePass {
         outputs: ResolveOutputs,
         tone_map: &ToneMapSettings,
     ) -> wgpu::ComputePipeline {
-        let variant = if outputs.display { DisplayVariant::from_settings(tone_map) } else { DisplayVariant::default() };
+        let shown = || DisplayVariant::from_settings(tone_map).with_short_codes(outputs.has_short_codes);
+        let variant = if outputs.display { shown() } else { DisplayVariant::default() };
         self.pipelines.get((outputs, variant), || {
             let written = [
                 ("WRITE_HDR", outputs.hdr),
@@ -157,7 +174,7 @@ impl ResolvePass {
         number: usize,
     ) {
         // Outputs and inputs that select the pipeline.
-        let ResolveInputs { ranges, hdr, known_ev100, tone_map, shows, air } = *inputs;
+        let ResolveInputs { ranges, hdr, known_ev100, tone_map, shows, has_short_codes, air } = *inputs;
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
         let display = batch.display.as_ref().filter(|_| shows);
@@ -170,6 +187,7 @@ impl ResolvePass {
             air: air.present != 0,
             moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
             plain: targets.plain.is_some(),
+            has_short_codes,
             ..ResolveOutputs::new(hdr, display.is_some())
         };
         // Parameters.

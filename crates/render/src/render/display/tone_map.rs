@@ -21,19 +21,24 @@ impl ToneMapPass {
         Self { pipelines: Variants::new() }
     }
 
-    /// Returns the pipeline for these settings.
-    pub(crate) fn pipeline(&self, gpu: &Gpu, settings: &ToneMapSettings) -> wgpu::ComputePipeline {
-        let variant = DisplayVariant::from_settings(settings);
+    /// Returns the pipeline for these settings. `has_short_codes`: see [`DisplayVariant::with_short_codes`].
+    pub(crate) fn pipeline(
+        &self,
+        gpu: &Gpu,
+        settings: &ToneMapSettings,
+        has_short_codes: bool,
+    ) -> wgpu::ComputePipeline {
+        let variant = DisplayVariant::from_settings(settings).with_short_codes(has_short_codes);
         let make = || gpu.compute_pipeline_with(&Shader::new("display/tone_map").source(), &variant.constants());
         self.pipelines.get(variant, make)
     }
 
-    /// Records the pass from a picture to a display image.
+    /// Records the pass from a picture to a display image. The settings have the flag of [`Self::pipeline`].
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
-        settings: &ToneMapSettings,
+        (settings, has_short_codes): (&ToneMapSettings, bool),
         picture: &PictureTarget<'_>,
         (exposure, display): (&wgpu::Buffer, &wgpu::Buffer),
         grid: [u32; 3],
@@ -44,7 +49,7 @@ impl ToneMapPass {
             ..Default::default()
         };
         let parameters = gpu.frame_uniform("tone map parameters", &parameters);
-        let pipeline = &self.pipeline(gpu, settings);
+        let pipeline = &self.pipeline(gpu, settings, has_short_codes);
         let group = bind_buffers(
             gpu,
             pipeline,

@@ -89,13 +89,13 @@ impl Surface {
 
     fn sum_of_values<const N: usize>(&self, [i, j]: [usize; 2], stride: usize, [x, y]: [[f64; N]; 2]) -> DVec3 {
         let mut sum = DVec3::ZERO;
-        for row in 0..N {
+        for (row, y) in y.into_iter().enumerate() {
             let values = &self.values[(j + row) * stride + i..][..N];
             let mut along = DVec3::ZERO;
             for column in 0..N {
                 along += x[column] * values[column];
             }
-            sum += y[row] * along;
+            sum += y * along;
         }
         sum
     }
