@@ -53,8 +53,8 @@ fn centre_ray(viewport: Viewport, corner: vec2<f32>) -> vec3<f32> {
     return closed_ray(viewport, corner + 0.5, vec3(0.0, 0.0, -1.0));
 }
 
-// Returns the ray through a point of a pixel, (0, 0) to (1, 1) from its upper left corner; outside a round picture, `otherwise`. Call `prepare_rays`
-// for the pixel before.
+// Returns the ray through a point of a pixel, (0, 0) to (1, 1) from its upper left corner; outside a round picture, `otherwise`. Call
+// `prepare_rays` for the pixel before.
 fn ray_at(viewport: Viewport, corner: vec2<f32>, point: vec2<f32>, otherwise: vec3<f32>) -> vec3<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {

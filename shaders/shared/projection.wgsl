@@ -104,7 +104,8 @@ fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     return closed_direction_of_point(viewport, pixel);
 }
 
-// Returns the unit direction in view space of the centre of a pixel of the picture, or of one next to it.
+// Returns the unit direction in view space of the centre of a pixel of the picture, or of one next to it. Farther away a tabulated picture has no
+// direction, and the result is 0: test `contains` before it is used.
 fn direction_of_pixel(viewport: Viewport, pixel: vec2<i32>) -> vec3<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {

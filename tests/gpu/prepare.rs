@@ -22,13 +22,12 @@ const HANGS: Duration = Duration::from_secs(300);
 
 const SMALL_CATALOGUE: &str = "scene.catalogues=[\"builtin:bright\"]";
 
-/// Returns the number of pipelines that `prepare` creates for a configuration, and the number of pipelines that the
-/// first frame creates afterwards.
-fn made(file: &str, set: &[&str]) -> [u64; 2] {
+/// Returns the number of pipelines that `prepare` creates for the wanted images of a configuration, and the number of pipelines that the first frame
+/// creates afterwards.
+fn made(file: &str, set: &[&str], wanted: Wanted) -> [u64; 2] {
     let (scene, rig, settings) = configured(file, &[&[SMALL_CATALOGUE], set].concat());
     let mut renderer = new_renderer();
     assert_eq!(renderer.gpu().made().pipelines, 0, "a new renderer has no pipelines");
-    let wanted = Wanted::both();
     let mut steps = Vec::new();
     renderer.prepare(&scene.objects, &rig, &settings, wanted, &[], &mut |step| steps.push(step)).unwrap();
     let total = steps.len();
@@ -41,7 +40,7 @@ fn made(file: &str, set: &[&str]) -> [u64; 2] {
 #[test]
 fn the_first_frame_creates_no_further_pipelines() {
     let small = "views.dome.size=[64,64]";
-    let cases: [(&str, &[&str]); 11] = [
+    let cases: [(&str, &[&str]); 12] = [
         ("perspective.toml", &["views.0.size=[64,48]"]),
         ("dome.toml", &[small]),
         ("dome.toml", &[small, "glare.method=none"]),
@@ -51,12 +50,18 @@ fn the_first_frame_creates_no_further_pipelines() {
         ("dome.toml", &[small, "stars.method=packed_cas", "glare.method=none"]),
         ("dome.toml", &[small, "stars.method=packed_cas_sorted", "glare.method=none"]),
         ("dome.toml", &[small, "stars.method=disc", "glare.method=none"]),
+        ("dome.toml", &[small, "exposure.metering=spot"]),
         ("asteroids.toml", &["views.0.size=[64,48]"]),
         ("tonight.toml", &["views.dome.size=[64,64]", "views.south.size=[64,48]"]),
     ];
     for (file, set) in cases {
-        let [prepared, late] = made(file, set);
-        assert!(prepared > 0 && late == 0, "{file} {set:?}: {prepared} prepared, {late} more by the frame");
+        for wanted in [Wanted::both(), Wanted::display()] {
+            let [prepared, late] = made(file, set, wanted);
+            assert!(
+                prepared > 0 && late == 0,
+                "{file} {set:?} {wanted:?}: {prepared} prepared, {late} more by the frame"
+            );
+        }
     }
 }
 

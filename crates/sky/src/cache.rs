@@ -1,4 +1,4 @@
-//! Content that takes a long time to make, kept on disk between runs: synthetic stars, tables of projectors, atlases of asteroids.
+//! Content that takes a long time to make, kept on disk between runs: synthetic stars, tables and blends of projectors, atlases of asteroids.
 //!
 //! An entry is one file. Its name and its header hold a SHA-256 of the part of the program that makes it, of that part's version and of all inputs.
 //! So an entry is used only if making the content again would give the same. If an entry is damaged, its content is made again. Several programs may

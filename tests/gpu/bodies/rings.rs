@@ -13,7 +13,10 @@ use steradian::{
         bodies::{Body, SolarBody, suns},
     },
     units::ASTRONOMICAL_UNIT_M,
-    view::{Rig, ViewKind},
+    view::{
+        Rig, ViewKind,
+        projection::{Perspective, TabulatedMapping},
+    },
 };
 
 const AU: f64 = ASTRONOMICAL_UNIT_M;
@@ -107,4 +110,53 @@ fn globe_and_rings_hide_and_shade_each_other() {
     let [[a, b], [c, d]] = [shadow(&left), shadow(&right)];
     assert!((a - d).abs() <= 0.1 * a.max(d) && (b - c).abs() <= 0.1 * b.max(c), "{a} {b} {c} {d}");
     assert!(a.min(b) < 0.3 * a.max(b), "{a} {b}");
+}
+
+/// Limb, rings, and a moon that crosses the limb are the same in a table of the projection as in its closed form. In tables, the rays within a pixel are
+/// interpolated.
+#[test]
+fn a_tabulated_picture_has_the_globe_the_rings_and_the_transit_of_the_closed_form() {
+    let place = DVec3::NEG_Z * 10.0 * RADIUS_M;
+    let body = |preset, name: &str, place: DVec3, radius_share: f64| {
+        let mut body = Body::preset(preset, name, place);
+        body.surface.phase_curve = None;
+        body.radii_m *= radius_share;
+        Arc::new(body)
+    };
+    let mut saturn = Body::clone(&body(SolarBody::Saturn, "saturn", place, 1.0));
+    saturn.orientation = DQuat::from_rotation_z(0.4) * DQuat::from_rotation_x(-1.2);
+    let sun = Arc::new(Body::preset(SolarBody::Sun, "sun", DVec3::new(0.4, 0.3, 0.8) * 9.5 * AU));
+    let moon = body(SolarBody::Moon, "moon", place * 0.5 + DVec3::new(0.45, 0.1, 0.0) * RADIUS_M, 5.0);
+    let objects = SceneObjects { bodies: vec![Arc::new(saturn), moon, sun], ..Default::default() };
+    let scene = SceneSnapshot { objects: Arc::new(objects), camera: Camera::default(), ..snapshot(Vec::new()) };
+    let pictures = |turn_rad: f64| {
+        let turned = SceneSnapshot {
+            camera: Camera { world_from_camera: DQuat::from_rotation_z(turn_rad), ..Camera::default() },
+            ..scene.clone()
+        };
+        let mapping = Perspective::symmetric(SIZE, 0.6).unwrap();
+        let table = ViewKind::Tabulated { mapping: Arc::new(TabulatedMapping::new(mapping).unwrap()) };
+        let rig = rig(vec![("closed", ViewKind::Perspective { size: SIZE, fov_y_rad: 0.6 }), ("table", table)]);
+        let frame = render_hdr(&mut renderer(), &turned, &rig, &settings(StarMethod::Auto));
+        let light = |image: usize| -> Vec<f64> {
+            let pixels = frame.images[image].hdr.as_ref().unwrap();
+            pixels.iter().map(|[r, g, b, _]| luminance([*r, *g, *b].map(f64::from))).collect()
+        };
+        [light(0), light(1)]
+    };
+    // The largest and the mean difference of a pixel, relative to the brightest one.
+    let difference = |a: &[f64], b: &[f64]| {
+        let brightest = a.iter().copied().fold(0.0, f64::max);
+        let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs() / brightest);
+        let (sum, most) = apart.fold((0.0, 0.0), |(sum, most), apart| (sum + apart, f64::max(most, apart)));
+        [most, sum / a.len() as f64]
+    };
+    let [closed, table] = pictures(0.0);
+    let apart = difference(&closed, &table);
+    println!("largest difference of a pixel {:.1e} of the brightest, mean {:.1e}", apart[0], apart[1]);
+    assert!(apart[0] < 2.5e-4 && apart[1] < 2.5e-7, "{apart:?}");
+    // A picture that is turned by a sixtieth of a degree differs by more.
+    let turned = difference(&closed, &pictures(3e-4)[1]);
+    println!("turned: {:.1e}, {:.1e}", turned[0], turned[1]);
+    assert!(turned[0] > 1e-2 && turned[1] > 2e-6, "{turned:?}");
 }

@@ -101,8 +101,7 @@ fn exposure_of_a_rig_equals_the_f64_mean_over_its_images() {
     }
 }
 
-/// Counts the bytes of a display image that differ from those computed from its HDR pixels with an exposure. Within a budget, codes are wrong by up to
-/// 0.05.
+/// Counts the bytes of a display image that differ from those computed from its HDR pixels with an exposure.
 fn differing_bytes(frame: &Frame, image: usize, tone_map: &ToneMapSettings, ev100: f64) -> usize {
     let image = &frame.images[image];
     let white = white_luminance_cd_m2(ev100);
@@ -110,7 +109,7 @@ fn differing_bytes(frame: &Frame, image: usize, tone_map: &ToneMapSettings, ev10
     pairs
         .map(|([r, g, b, _], bytes)| {
             let expected = tone_map.display_rgb([*r, *g, *b].map(f64::from), white);
-            bytes.iter().zip(expected).filter(|(byte, value)| (f64::from(**byte) - 255.0 * value).abs() > 0.55).count()
+            bytes.iter().zip(expected).filter(|(byte, value)| (f64::from(**byte) - 255.0 * value).abs() > 0.51).count()
         })
         .sum()
 }
@@ -122,6 +121,8 @@ fn all_images_of_a_frame_use_its_reported_exposure() {
     let (rig, scene) = (rig_of_all(), crowd());
     let mut settings = settings(StarMethod::Auto);
     settings.tone_map.dither = false;
+    // Codes within a budget would be wrong by more than rounding.
+    settings.accuracy.display_codes = 0.0;
     settings.exposure = ExposureSettings::auto(Metering::Mean);
     let metered = render(&mut renderer, &scene, &rig, &settings, None);
     assert_eq!(metered.images.len(), 12);

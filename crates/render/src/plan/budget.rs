@@ -34,6 +34,8 @@ const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
 
 /// Least budget within which codes are computed with short approximations, codes.
 const LEAST_OF_SHORT_CODES: f64 = 0.25;
+/// Greatest error of these approximations, codes.
+pub const SHORT_CODES_ERROR: f64 = 0.06;
 
 /// Output of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,8 +74,8 @@ impl ErrorBudget {
         }
     }
 
-    /// Whether the codes of display images may be computed with the shorter approximations of `shaders/shared/srgb.wgsl`, whose error is at most 0.05
-    /// codes.
+    /// Whether the codes of display images may be computed with the shorter approximations of `shaders/shared/srgb.wgsl`; see
+    /// [`SHORT_CODES_ERROR`].
     pub fn allows_short_codes(self) -> bool {
         matches!(self, Self::Codes(codes) if codes >= LEAST_OF_SHORT_CODES)
     }
@@ -86,6 +88,12 @@ impl ErrorBudget {
                 Approximation::new(name, share * relative, "relative to the pixel's luminance", Some(relative))
             }
         }
+    }
+
+    /// An approximation whose error is a number of codes; `None` if the budget is not in codes.
+    pub fn bound_in_codes(self, name: &str, codes: f64) -> Option<Approximation> {
+        let Self::Codes(budget) = self else { return None };
+        Some(Approximation::new(name, codes, "codes of 8 bits", Some(budget)))
     }
 
     /// An approximation whose error is `steps` of the least visible steps of luminance, and whose limit is `most` of them.

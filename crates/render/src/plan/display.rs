@@ -2,7 +2,7 @@
 
 use super::{
     Limits, Plan, PlanError,
-    budget::{ErrorBudget, draws_outputs_apart},
+    budget::{ErrorBudget, SHORT_CODES_ERROR, draws_outputs_apart},
     kept::Kept,
     settings::{GlareMethod, ToneMapSettings},
     technique::{PlanInputs, Step, Technique},
@@ -99,6 +99,11 @@ impl Technique for Display {
                 let exposure_is_known = plan.exposure.known_ev100.is_some();
                 display.resolves_to_display =
                     resolves_to_display(inputs.limits, exposure_is_known, display.is_scattered_after, display.adds_up);
+            }
+            Step::Report => {
+                let budget = plan.display.budget.filter(|budget| budget.allows_short_codes());
+                let bound = |budget: ErrorBudget| budget.bound_in_codes("codes from polynomials", SHORT_CODES_ERROR);
+                plan.report.certificate.extend(budget.and_then(bound));
             }
             _ => {}
         }

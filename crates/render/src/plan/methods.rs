@@ -80,8 +80,9 @@ impl Forecast {
             has_plain,
             may_be_metered: settings.exposure.is_metered(),
             culls_on_gpu: settings.asteroids.culling == Culling::Gpu,
-            has_short_codes: ErrorBudget::of_output(&settings.accuracy, Output::Display)
-                .is_some_and(ErrorBudget::allows_short_codes),
+            has_short_codes: draws_outputs_apart(settings, objects, viewports)
+                && ErrorBudget::of_output(&settings.accuracy, Output::Display)
+                    .is_some_and(ErrorBudget::allows_short_codes),
         }
     }
 

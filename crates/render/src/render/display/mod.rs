@@ -175,34 +175,37 @@ impl Technique for Display {
             hdr_stays: made.hdr_stays || presents_light,
         };
         let display_only = Wanted { hdr: false, hdr_stays: presents_light, ..exact };
-        // For each kind of frame: its outputs, and whether glare is part of the sums.
-        let veil = forecast.may_have_veil_in_sums;
+        // For each kind of frame: its outputs, whether glare is part of the sums, and whether its codes are short.
+        let (veil, short) = (forecast.may_have_veil_in_sums, forecast.has_short_codes);
         let kinds = match forecast.draws_outputs_apart {
-            false => vec![(exact, false)],
+            false => vec![(exact, false, false)],
             true if made.reads_hdr() || made.hdr_stays => {
-                vec![(display_only, veil), (exact, false), (Wanted { display: false, ..exact }, false)]
+                vec![
+                    (display_only, veil, short),
+                    (exact, false, false),
+                    (Wanted { display: false, ..exact }, false, false),
+                ]
             }
-            true => vec![(display_only, veil)],
+            true => vec![(display_only, veil, short)],
         };
         // Forms of the resolve pass, for known and unknown exposure.
         let known = forecast.known_exposures();
         let mut resolves: Vec<ResolveOutputs> = Vec::new();
         // Forms of the tone-mapping pass: with short codes or not.
         let mut tone_maps: Vec<bool> = Vec::new();
-        for (known, (made, veil)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind))) {
+        for (known, (made, veil, short)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind)))
+        {
             let Wanted { display, hdr, hdr_stays, .. } = made;
             let resolves_to_display = forecast.resolves_to_display(known, veil);
             let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], resolves_to_display);
             let is_within_budget = resolves_to_display && hdr_made == HdrImage::None;
-            let has_short_codes = forecast.has_short_codes && !hdr && !hdr_stays;
             // The first frame that needs one of these two forms creates it: the form with a map, which depends on the stars, and the form for a
             // moving camera.
             let outputs = ResolveOutputs {
                 geometry: !objects.is_empty(),
                 air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),
                 veil,
-                has_short_codes,
-                ..ResolveOutputs::new(hdr_made, resolves_to_display && display)
+                ..ResolveOutputs::new(hdr_made, resolves_to_display && display).with_short_codes(short)
             };
             for &plain in if is_within_budget { forecast.plain_forms() } else { &[false] } {
                 let outputs = ResolveOutputs { plain, ..outputs };
@@ -210,8 +213,8 @@ impl Technique for Display {
                     resolves.push(outputs);
                 }
             }
-            if display && !resolves_to_display && !tone_maps.contains(&has_short_codes) {
-                tone_maps.push(has_short_codes);
+            if display && !resolves_to_display && !tone_maps.contains(&short) {
+                tone_maps.push(short);
             }
         }
         // Jobs for these forms.

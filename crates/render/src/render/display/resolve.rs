@@ -110,6 +110,11 @@ impl ResolveOutputs {
             has_short_codes: off,
         }
     }
+
+    /// The same outputs with short codes or without them; see [`DisplayVariant::with_short_codes`]. Without a display image there are none.
+    pub(crate) fn with_short_codes(self, has_short_codes: bool) -> Self {
+        Self { has_short_codes: has_short_codes && self.display, ..self }
+    }
 }
 
 impl ResolvePass {
@@ -187,8 +192,7 @@ impl ResolvePass {
             air: air.present != 0,
             moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
             plain: targets.plain.is_some(),
-            has_short_codes,
-            ..ResolveOutputs::new(hdr, display.is_some())
+            ..ResolveOutputs::new(hdr, display.is_some()).with_short_codes(has_short_codes)
         };
         // Parameters.
         let parameters = layout::ResolveParameters {

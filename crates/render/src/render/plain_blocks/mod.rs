@@ -55,6 +55,7 @@ impl PlainBlocks {
 
     /// Returns the pipeline that judges display images with this tone mapping, or HDR images.
     fn mark(&self, gpu: &Gpu, tone_map: Option<&ToneMapSettings>) -> wgpu::ComputePipeline {
+        // Only differences of codes are judged, so short codes serve any budget.
         let variant = tone_map.map(|tone_map| DisplayVariant::from_settings(tone_map).with_short_codes(true));
         self.mark.get(variant, || {
             let judges = [("JUDGES_CODES", f64::from(u8::from(variant.is_some())))];

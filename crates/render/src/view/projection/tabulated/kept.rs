@@ -13,7 +13,7 @@ use super::{
 use crate::cache::{self, Form, Part};
 
 /// The tables that [`super::tables`] bakes.
-pub(super) const PART: Part = Part { name: "projector-table", version: 2 };
+pub(super) const PART: Part = Part { name: "projector-table", version: 3 };
 
 /// Bytes of the tables of a mapping.
 pub(super) const FORM: Form<Tables> = Form { to_bytes, from_bytes };

@@ -122,7 +122,7 @@ fn make_tables(source: &(dyn PlaneMapping + Send)) -> Result<Tables, TabulationE
 }
 
 impl TabulatedMapping {
-    /// Bakes a mapping. A million pixels take one to six seconds on two cores; closed forms take less time than splines.
+    /// Bakes a mapping. A million pixels take up to three seconds on two cores; closed forms take less time than splines.
     ///
     /// # Errors
     ///

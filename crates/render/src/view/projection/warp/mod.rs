@@ -31,8 +31,8 @@ const STEPS: usize = 40;
 const HALVINGS: usize = 8;
 /// Steps shorter than this are not checked, pixels.
 const SURE_PX: f64 = 1e-6;
-/// The search ends after a step shorter than this, pixels: errors fall with the square of the step.
-const FOUND_PX: f64 = 1e-5;
+/// The search ends after a step shorter than this, pixels.
+const FOUND_PX: f64 = 1e-9;
 /// Ratio of area to squared length below which pixels have shrunk to lines.
 const SHRUNK: f64 = 0.2;
 /// Distance beyond the raster up to which positions are found, cells of the grid: half a cell for samples at cell centres, plus a fringe for stars on
