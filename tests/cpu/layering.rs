@@ -32,6 +32,7 @@ pub const LAYERS: &[&[&str]] = &[
         "fits",
         "ranges",
         "memory_size",
+        "once",
         "clock",
         "messages",
     ],

@@ -24,6 +24,7 @@ pub mod coordinates;
 pub mod files;
 mod fits;
 pub mod memory_size;
+mod once;
 mod polynomial;
 #[macro_use]
 pub mod ranges;

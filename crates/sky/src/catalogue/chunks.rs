@@ -20,7 +20,7 @@ use super::{
     packed::PackedStar,
     spectra::{self, Spectrum},
 };
-use crate::units::illuminance_lx_from_magnitude;
+use crate::{once, units::illuminance_lx_from_magnitude};
 
 /// A chunk with more stars than this is divided, unless all its stars share one position.
 pub const CHUNK_STARS: usize = 1024;
@@ -173,7 +173,7 @@ impl StarSet {
 
     /// Distribution of each chunk's light over temperature, computed from all stars at the first call.
     pub fn spectra(&self) -> &[Spectrum] {
-        self.spectra.get_or_init(|| spectra::of_chunks(self))
+        once::get_or_make::<Vec<_>>(&self.spectra, || spectra::of_chunks(self))
     }
 
     /// Returns the set with the named stars of its files, as seen at the set's epoch.
@@ -204,7 +204,7 @@ impl StarSet {
     /// Illuminance of each chunk's faintest star, as seen from the barycentre, lx. Computed from all stars at the
     /// first call.
     pub fn faintest_seen_lx(&self) -> &[f32] {
-        self.faintest_seen_lx.get_or_init(|| {
+        once::get_or_make::<Vec<_>>(&self.faintest_seen_lx, || {
             let seen = |chunk: &Chunk| {
                 let stars = self.stars_of(chunk).iter();
                 let light = stars.map(|star| {

@@ -6,14 +6,14 @@
 
 use std::{
     f64::consts::PI,
-    sync::{Arc, LazyLock},
+    sync::{Arc, LazyLock, OnceLock},
 };
 
 use glam::{DMat3, DVec3};
 
 use super::{diffuse::DiffuseSky, healpix::s10_cd_m2};
 use crate::{
-    coordinates::lon_lat_from_direction, ephemeris::icrs_from_ecliptic, photometry::blackbody::rec709_in_gamut,
+    coordinates::lon_lat_from_direction, ephemeris::icrs_from_ecliptic, once, photometry::blackbody::rec709_in_gamut,
 };
 
 /// Latitudes of the columns, degrees.
@@ -72,9 +72,9 @@ static LOGARITHMS: LazyLock<[[f64; 11]; 19]> = LazyLock::new(|| {
 });
 
 /// The light in axes whose x points to the Sun's ecliptic longitude and whose z is the pole of the ecliptic.
-static WHOLE: LazyLock<Arc<DiffuseSky>> = LazyLock::new(|| Arc::new(map(0.0)));
+static WHOLE: OnceLock<Arc<DiffuseSky>> = OnceLock::new();
 /// The same light without the part that is everywhere.
-static ABOVE_DARKEST: LazyLock<Arc<DiffuseSky>> = LazyLock::new(|| Arc::new(map(DARKEST_S10)));
+static ABOVE_DARKEST: OnceLock<Arc<DiffuseSky>> = OnceLock::new();
 
 /// Brightness at an ecliptic longitude from the Sun and a latitude, rad, in stars of the Sun's colour and V = 10 per square degree. The logarithm is
 /// interpolated with continuous first derivatives.
@@ -132,7 +132,8 @@ impl ZodiacalLight {
         let pole = icrs_from_ecliptic() * DVec3::Z;
         let x = (to_sun - pole * to_sun.dot(pole)).normalize_or(icrs_from_ecliptic() * DVec3::X);
         let sky_from_icrs = DMat3::from_cols(x, pole.cross(x), pole).transpose();
-        let sky = Arc::clone(if above_darkest { &ABOVE_DARKEST } else { &WHOLE });
+        let (cell, without_s10) = if above_darkest { (&ABOVE_DARKEST, DARKEST_S10) } else { (&WHOLE, 0.0) };
+        let sky = Arc::clone(once::get_or_make(cell, || Arc::new(map(without_s10))));
         Self { sky, sky_from_icrs }
     }
 

@@ -16,7 +16,7 @@
 
 use std::{
     f64::consts::{FRAC_PI_2, PI, TAU},
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
 use glam::DVec3;
@@ -399,19 +399,34 @@ impl SkyLight {
     /// The table for a source at an altitude, rad; it is dark for a source far below the horizon.
     pub fn table(&self, source_rad: f64) -> Arc<SkyTable> {
         let number = (source_rad / SHARED_RAD).round() as i64;
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(index) = kept.iter().position(|(key, _)| *key == number) {
-            // The most recent table is last.
-            let found = kept.remove(index);
-            kept.push(found);
-        } else {
-            let table = Arc::new(self.made(number as f64 * SHARED_RAD));
-            if kept.len() == KEPT {
-                kept.remove(0);
-            }
-            kept.push((number, table));
+        if let Some(found) = self.kept_table(number) {
+            return found;
         }
-        kept.last().map(|(_, table)| Arc::clone(table)).unwrap_or_default()
+        // No lock is held meanwhile: see `crate::once`.
+        let table = Arc::new(self.made(number as f64 * SHARED_RAD));
+        if let Some(found) = self.kept_table(number) {
+            return found;
+        }
+        let mut kept = self.kept();
+        if kept.len() == KEPT {
+            kept.remove(0);
+        }
+        kept.push((number, Arc::clone(&table)));
+        table
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Vec<(i64, Arc<SkyTable>)>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the kept table of a number, and moves it to the end of the list, where the most recent one is.
+    fn kept_table(&self, number: i64) -> Option<Arc<SkyTable>> {
+        let mut kept = self.kept();
+        let index = kept.iter().position(|(key, _)| *key == number)?;
+        let found = kept.remove(index);
+        let table = Arc::clone(&found.1);
+        kept.push(found);
+        Some(table)
     }
 
     fn made(&self, source_rad: f64) -> SkyTable {
