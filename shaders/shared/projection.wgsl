@@ -73,20 +73,19 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
 
 // Returns the unit direction in view space of a pixel coordinate of the picture; w = 0 outside it.
 fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
+    if any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size)) {
+        return vec4(0.0);
+    }
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
-        let outside = any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size));
-        return select(tabulated_direction(viewport, pixel), vec4(0.0), outside);
+        return tabulated_direction(viewport, pixel);
     }
 #end
     return closed_direction_from_pixel(viewport, pixel);
 }
 
-// As `direction_from_pixel`, for projections in closed form.
+// As `direction_from_pixel`, for projections in closed form and a point of the image.
 fn closed_direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
-    if any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size)) {
-        return vec4(0.0);
-    }
     if is_fisheye(viewport) && length((pixel - viewport.plane_offset) / viewport.plane_scale) > 1.0 {
         return vec4(0.0);
     }

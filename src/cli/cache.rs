@@ -28,7 +28,8 @@ const MOST_MIB: u64 = 2048;
     steradian cache info\n  \
     steradian cache clear\n\n\
     Kept are synthetic stars, tables and computed blends of projectors, and atlases of asteroids, each under a hash of its\n\
-    inputs. The folder is STERADIAN_CACHE_DIR, otherwise that of the system for the user; an empty variable or --no-cache switches it off.\n\
+    inputs. The folder is STERADIAN_CACHE_DIR, otherwise that of the system for the user; an empty variable or --no-cache\n\
+    switches it off.\n\
     STERADIAN_CACHE_MIB is its size limit in MiB (2048). Entries that were not used for the longest time are removed first.")]
 pub struct CacheArguments {
     #[command(subcommand)]

@@ -143,7 +143,7 @@ impl Config {
         let loaded = loaded.and_then(check_views).map(written).inspect(effects::warn);
         loaded.map_err(|fault| {
             // Name the last override that set the key; for an unknown table, the one that created it.
-            let key = fault.key.split(" (").next().unwrap_or_default();
+            let key = fault.key.split_once(" (").map_or(fault.key.as_str(), |(key, _)| key);
             let below = |inner: &str, outer: &str| {
                 inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
             };

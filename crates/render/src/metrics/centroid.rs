@@ -16,7 +16,7 @@ use super::{
 /// Returns the centroid of the light within `radius_px` of `expected`, in continuous pixel coordinates.
 ///
 /// # Errors
-/// [`MetricError::NoLight`] if there is no light, [`MetricError::OutsidePicture`] if a pixel that has no solid angle has light.
+/// [`MetricError::NoLight`] if there is no light, [`MetricError::OutsidePicture`] if a pixel outside of the picture has light.
 pub fn centroid_px(image: &HdrView<'_>, expected: DVec2, radius_px: f64) -> Result<DVec2, MetricError> {
     let lit = image.lit_near_pixel(expected, radius_px)?;
     Ok(moments(&lit).ok_or(MetricError::NoLight("a centroid"))?.mean)

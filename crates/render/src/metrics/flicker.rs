@@ -42,7 +42,7 @@ impl FlickerMeter {
     /// Adds a frame of the pan.
     ///
     /// # Errors
-    /// [`MetricError::OutsidePicture`] if a pixel that has no solid angle has light.
+    /// [`MetricError::OutsidePicture`] if a pixel outside of the picture has light.
     pub fn add(&mut self, image: &HdrView<'_>) -> Result<(), MetricError> {
         let [width, height] = image.size();
         let mut lit = Vec::new();

@@ -13,7 +13,7 @@ use super::{
 /// Returns the illuminance of a whole image: the sum of luminance times solid angle, lx. Black gives 0.
 ///
 /// # Errors
-/// [`MetricError::OutsidePicture`] if a pixel that has no solid angle has light.
+/// [`MetricError::OutsidePicture`] if a pixel outside of the picture has light.
 pub fn illuminance_lx(image: &HdrView<'_>) -> Result<f64, MetricError> {
     let [width, height] = image.size();
     // Rows are summed separately and then in order, so that the result does not depend on the number of cores.

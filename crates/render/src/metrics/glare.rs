@@ -219,7 +219,7 @@ pub fn relative_errors(measured_and_expected: &[(f64, f64)]) -> Result<RelativeE
 /// sphere it equals the source's illuminance times the scattered fraction times the share of the kernel beyond that angle.
 ///
 /// # Errors
-/// [`MetricError::OutsidePicture`] if a pixel that has no solid angle has light.
+/// [`MetricError::OutsidePicture`] if a pixel outside of the picture has light.
 pub fn scattered_flux_lx(images: &[HdrView<'_>], direction: DVec3, radius_rad: f64) -> Result<f64, MetricError> {
     Ok(total_illuminance_lx(images)? - illuminance_near_direction_lx(images, direction, radius_rad)?)
 }

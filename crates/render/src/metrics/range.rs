@@ -34,7 +34,7 @@ pub struct FaintBesideBright {
 ///
 /// # Errors
 /// [`MetricError::Overlap`] if the sources are closer than two radii, [`MetricError::NotPositive`] if an expected illuminance
-/// or the radius is not a positive number, [`MetricError::OutsidePicture`] if a pixel that has no solid angle has light.
+/// or the radius is not a positive number, [`MetricError::OutsidePicture`] if a pixel outside of the picture has light.
 pub fn faint_beside_bright(
     image: &HdrView<'_>,
     bright: PointSource,

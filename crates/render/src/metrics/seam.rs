@@ -26,7 +26,7 @@ pub fn relative_variation(values: &[f64]) -> Result<f64, MetricError> {
 /// Returns the variation of the total light over a sweep. Each step of the sweep is the set of all images of one view.
 ///
 /// # Errors
-/// Same as [`relative_variation`], and [`MetricError::OutsidePicture`] if a pixel that has no solid angle has light.
+/// Same as [`relative_variation`], and [`MetricError::OutsidePicture`] if a pixel outside of the picture has light.
 pub fn seam_error<'a>(steps: impl IntoIterator<Item = &'a [HdrView<'a>]>) -> Result<f64, MetricError> {
     let light_lx = steps.into_iter().map(total_illuminance_lx).collect::<Result<Vec<_>, _>>()?;
     relative_variation(&light_lx)

@@ -40,7 +40,7 @@ impl Shape {
 /// Returns the shape of the light within `radius_px` of `expected` on the image plane, pixels.
 ///
 /// # Errors
-/// [`MetricError::NoLight`] if there is no light, [`MetricError::OutsidePicture`] if a pixel that has no solid angle has light.
+/// [`MetricError::NoLight`] if there is no light, [`MetricError::OutsidePicture`] if a pixel outside of the picture has light.
 pub fn shape_px(image: &HdrView<'_>, expected: DVec2, radius_px: f64) -> Result<Shape, MetricError> {
     shape(&image.lit_near_pixel(expected, radius_px)?)
 }

@@ -90,12 +90,6 @@ impl ErrorBudget {
         }
     }
 
-    /// An approximation whose error is a number of codes; `None` if the budget is not in codes.
-    pub fn bound_in_codes(self, name: &str, codes: f64) -> Option<Approximation> {
-        let Self::Codes(budget) = self else { return None };
-        Some(Approximation::new(name, codes, "codes of 8 bits", Some(budget)))
-    }
-
     /// An approximation whose error is `steps` of the least visible steps of luminance, and whose limit is `most` of them.
     pub fn bound_in_steps(self, name: &str, steps: f64, most: f64) -> Approximation {
         let (step, unit) = match self {

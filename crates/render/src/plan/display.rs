@@ -1,7 +1,7 @@
 //! Display images: their transform, the error that they may have, and the pass that writes them.
 
 use super::{
-    Limits, Plan, PlanError,
+    Approximation, Limits, Plan, PlanError,
     budget::{ErrorBudget, SHORT_CODES_ERROR, draws_outputs_apart},
     kept::Kept,
     settings::{GlareMethod, ToneMapSettings},
@@ -31,6 +31,13 @@ pub struct DisplayPlan {
     /// Whether the resolve pass writes the display images. It does if the exposure is known in advance, no scattered light is added afterwards, and
     /// the adapter can do it ([`Limits::fuses_display`]).
     pub resolves_to_display: bool,
+}
+
+impl DisplayPlan {
+    /// Whether the codes have short approximations: [`ErrorBudget::allows_short_codes`].
+    pub fn has_short_codes(&self) -> bool {
+        self.budget.is_some_and(ErrorBudget::allows_short_codes)
+    }
 }
 
 /// See [`DisplayPlan::is_scattered_after`].
@@ -101,9 +108,12 @@ impl Technique for Display {
                     resolves_to_display(inputs.limits, exposure_is_known, display.is_scattered_after, display.adds_up);
             }
             Step::Report => {
-                let budget = plan.display.budget.filter(|budget| budget.allows_short_codes());
-                let bound = |budget: ErrorBudget| budget.bound_in_codes("codes from polynomials", SHORT_CODES_ERROR);
-                plan.report.certificate.extend(budget.and_then(bound));
+                if let Some(ErrorBudget::Codes(budget)) =
+                    plan.display.budget.filter(|budget| budget.allows_short_codes())
+                {
+                    let (name, unit) = ("codes from polynomials", "codes of 8 bits");
+                    plan.report.certificate.push(Approximation::new(name, SHORT_CODES_ERROR, unit, Some(budget)));
+                }
             }
             _ => {}
         }

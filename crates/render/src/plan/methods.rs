@@ -68,19 +68,20 @@ impl Forecast {
     /// Properties of frames of these objects in these viewports.
     pub fn new(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport], limits: &Limits) -> Self {
         let spacings = plain_spacings(viewports, objects.surroundings.is_some());
-        let is_possible = limits.fuses_display && draws_outputs_apart(settings, objects, viewports);
+        let draws_outputs_apart = draws_outputs_apart(settings, objects, viewports);
+        let is_possible = limits.fuses_display && draws_outputs_apart;
         let has_plain =
             (is_possible && spacings.iter().any(Option::is_some), !is_possible || spacings.iter().any(Option::is_none));
         Self {
             limits: *limits,
             methods: Methods::new(settings),
             tone_map: settings.tone_map,
-            draws_outputs_apart: draws_outputs_apart(settings, objects, viewports),
+            draws_outputs_apart,
             may_have_veil_in_sums: may_have_veil_in_sums(settings, objects, viewports),
             has_plain,
             may_be_metered: settings.exposure.is_metered(),
             culls_on_gpu: settings.asteroids.culling == Culling::Gpu,
-            has_short_codes: draws_outputs_apart(settings, objects, viewports)
+            has_short_codes: draws_outputs_apart
                 && ErrorBudget::of_output(&settings.accuracy, Output::Display)
                     .is_some_and(ErrorBudget::allows_short_codes),
         }

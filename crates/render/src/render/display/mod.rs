@@ -21,10 +21,7 @@ use super::{
     presentation::{PresentSource, present_source},
     technique::{Phase, PipelineJob, Recording, Technique, Wish},
 };
-use crate::{
-    gpu::Gpu,
-    plan::{DisplayPlan, budget::ErrorBudget},
-};
+use crate::gpu::Gpu;
 
 /// Passes of this technique.
 pub(super) struct Display {
@@ -59,7 +56,7 @@ impl Display {
             known_ev100,
             tone_map: &frame.plan.display.tone_map,
             shows: frame.plan.display.resolves_to_display && made.display,
-            has_short_codes: has_short_codes(&frame.plan.display),
+            has_short_codes: frame.plan.display.has_short_codes(),
             air: AirAbove::from_sky(frame.plan.air.sky.as_deref()),
         };
         let gpu = recording.gpu;
@@ -99,7 +96,7 @@ impl Display {
             self.tone_map.record(
                 gpu,
                 &mut pass,
-                (&plan.tone_map, has_short_codes(plan)),
+                (&plan.tone_map, plan.has_short_codes()),
                 &picture,
                 (&recording.targets.exposure, display),
                 batch.grid,
@@ -141,11 +138,6 @@ impl Display {
             }
         }
     }
-}
-
-/// See [`ErrorBudget::allows_short_codes`].
-fn has_short_codes(display: &DisplayPlan) -> bool {
-    display.budget.is_some_and(ErrorBudget::allows_short_codes)
 }
 
 /// Returns which part of the HDR image of a batch is made. The flags say whether the display image, the HDR image for readback, and an HDR image that
@@ -198,7 +190,6 @@ impl Technique for Display {
             let Wanted { display, hdr, hdr_stays, .. } = made;
             let resolves_to_display = forecast.resolves_to_display(known, veil);
             let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], resolves_to_display);
-            let is_within_budget = resolves_to_display && hdr_made == HdrImage::None;
             // The first frame that needs one of these two forms creates it: the form with a map, which depends on the stars, and the form for a
             // moving camera.
             let outputs = ResolveOutputs {
@@ -207,6 +198,7 @@ impl Technique for Display {
                 veil,
                 ..ResolveOutputs::new(hdr_made, resolves_to_display && display).with_short_codes(short)
             };
+            let is_within_budget = resolves_to_display && hdr_made == HdrImage::None;
             for &plain in if is_within_budget { forecast.plain_forms() } else { &[false] } {
                 let outputs = ResolveOutputs { plain, ..outputs };
                 if forecast.methods.adds_up() && !resolves.contains(&outputs) {

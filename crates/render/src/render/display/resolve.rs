@@ -25,7 +25,7 @@ fn runs(gpu: &Gpu) -> u32 {
 }
 
 /// Outputs and inputs of the resolve pass of a batch, compiled into its pipeline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ResolveOutputs {
     /// Overwrite the sums with luminance and solid angle.
     pub hdr: bool,
@@ -96,19 +96,7 @@ impl ResolveOutputs {
     /// Returns the outputs for a part of the HDR image, if no light is added to the sums.
     pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
         let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
-        let off = false;
-        Self {
-            hdr,
-            dark,
-            display,
-            geometry: off,
-            veil: off,
-            sky: off,
-            air: off,
-            moves: off,
-            plain: off,
-            has_short_codes: off,
-        }
+        Self { hdr, dark, display, ..Self::default() }
     }
 
     /// The same outputs with short codes or without them; see [`DisplayVariant::with_short_codes`]. Without a display image there are none.

@@ -101,6 +101,11 @@ impl Blend {
         Self { code_factors, ..self }
     }
 
+    /// Whether a beta is not 0.
+    pub(super) fn lifts_black(&self) -> bool {
+        self.lifts_black
+    }
+
     /// Factors on the codes of all pixels, if the blend does not also raise black.
     pub(super) fn code_factors_alone(&self) -> Option<&[f32]> {
         self.code_factors.as_deref().filter(|_| !self.lifts_black)

@@ -81,6 +81,11 @@ struct Sample {
     held: bool,
 }
 
+/// Coordinate in a cell of one of `count` samples along its side.
+fn coordinate(index: usize, count: usize) -> f64 {
+    index as f64 / (count - 1) as f64 - 0.5
+}
+
 fn packed(pixel: DVec2) -> u32 {
     let node = place_of_pixel(pixel).floor();
     (node.x as u32) | ((node.y as u32) << 16)
@@ -197,19 +202,19 @@ impl Filler<'_> {
 
     /// Samples of a cell, `count` along each side, including its corners.
     fn samples(&self, cell: DVec2, count: usize) -> Vec<Sample> {
-        let coordinate = |index: usize| index as f64 / (count - 1) as f64 - 0.5;
-        let places = (0..count).flat_map(|j| (0..count).map(move |i| DVec2::new(coordinate(i), coordinate(j))));
+        let at = |index: usize| coordinate(index, count);
+        let places = (0..count).flat_map(|j| (0..count).map(move |i| DVec2::new(at(i), at(j))));
         places.map(|local| self.sample(cell, local)).collect()
     }
 
     /// The 3 x 3 samples of a cell. `left`: the samples of the right side of the cell on its left, which are then replaced by those of this one.
     fn coarse(&self, cell: DVec2, left: &mut Option<[Sample; 3]>) -> [Sample; 9] {
-        let half = |index: usize| index as f64 / 2.0 - 0.5;
         let samples = std::array::from_fn(|index| {
             let (column, row) = (index % 3, index / 3);
+            let local = DVec2::new(coordinate(column, 3), coordinate(row, 3));
             match left {
-                Some(left) if column == 0 => Sample { local: DVec2::new(half(0), half(row)), ..left[row] },
-                _ => self.sample(cell, DVec2::new(half(column), half(row))),
+                Some(left) if column == 0 => Sample { local, ..left[row] },
+                _ => self.sample(cell, local),
             }
         });
         *left = Some([samples[2], samples[5], samples[8]]);

@@ -234,11 +234,7 @@ impl Warp {
     /// Direction, of unit length, and its derivatives per pixel.
     fn jet(&self, pixel: DVec2) -> Option<Jet> {
         let Jet { value, across, down } = self.surface.evaluate(self.in_samples(pixel));
-        let length = value.length();
-        if length.is_nan() || length <= 0.1 {
-            return None;
-        }
-        let unit = value / length;
+        let (unit, length) = unit_of(value)?;
         let scale = self.scale;
         let tangent = |slope: DVec3, scale: f64| (slope - unit * unit.dot(slope)) * (scale / length);
         Some(Jet { value: unit, across: tangent(across, scale.x), down: tangent(down, scale.y) })
@@ -246,10 +242,7 @@ impl Warp {
 
     /// The direction of [`Self::jet`].
     fn direction(&self, pixel: DVec2) -> Option<DVec3> {
-        let value = self.surface.value(self.in_samples(pixel));
-        let length = value.length();
-        // False for NaN.
-        (length > 0.1).then(|| value / length)
+        unit_of(self.surface.value(self.in_samples(pixel))).map(|(unit, _)| unit)
     }
 
     /// Whether all corners of the cell around a position, in sample units, are known.
@@ -306,6 +299,12 @@ impl Warp {
         let known = points.map(place).filter(|pixel| self.is_known(*pixel));
         known.filter_map(|pixel| Some((pixel, self.direction(pixel)?))).collect()
     }
+}
+
+/// Unit vector and length of an interpolated direction; `None` if it is too short to have a direction, or NaN.
+fn unit_of(value: DVec3) -> Option<(DVec3, f64)> {
+    let length = value.length();
+    (length > 0.1).then(|| (value / length, length))
 }
 
 /// Whether pixels are much longer than wide here, as around the antipode of a fisheye.

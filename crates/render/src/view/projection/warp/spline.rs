@@ -62,28 +62,33 @@ impl Surface {
         Self { interpolation, samples, values }
     }
 
-    /// The value at a point, in sample units; beyond the first and the last sample the outermost cells are
-    /// extrapolated.
-    pub(super) fn evaluate(&self, [x, y]: [f64; 2]) -> Jet {
+    /// The cell of a point, and the point's position in it.
+    fn cell_at(&self, [x, y]: [f64; 2]) -> ([usize; 2], [f64; 2]) {
         let [columns, rows] = self.samples;
         let [i, j] = [cell(x, columns), cell(y, rows)];
-        let [tx, ty] = [x - i as f64, y - j as f64];
+        ([i, j], [x - i as f64, y - j as f64])
+    }
+
+    /// The value at a point, in sample units; beyond the first and the last sample the outermost cells are
+    /// extrapolated.
+    pub(super) fn evaluate(&self, at: [f64; 2]) -> Jet {
+        let (held, [tx, ty]) = self.cell_at(at);
+        let columns = self.samples[0];
         match self.interpolation {
             Interpolation::Linear => {
-                self.sum([i, j], columns, [([1.0 - tx, tx], [-1.0, 1.0]), ([1.0 - ty, ty], [-1.0, 1.0])])
+                self.sum(held, columns, [([1.0 - tx, tx], [-1.0, 1.0]), ([1.0 - ty, ty], [-1.0, 1.0])])
             }
-            Interpolation::Smooth => self.sum([i, j], columns + 2, [basis(tx), basis(ty)]),
+            Interpolation::Smooth => self.sum(held, columns + 2, [basis(tx), basis(ty)]),
         }
     }
 
     /// [`Self::evaluate`] without the derivatives, which takes a third of the time.
-    pub(super) fn value(&self, [x, y]: [f64; 2]) -> DVec3 {
-        let [columns, rows] = self.samples;
-        let [i, j] = [cell(x, columns), cell(y, rows)];
-        let [tx, ty] = [x - i as f64, y - j as f64];
+    pub(super) fn value(&self, at: [f64; 2]) -> DVec3 {
+        let (held, [tx, ty]) = self.cell_at(at);
+        let columns = self.samples[0];
         match self.interpolation {
-            Interpolation::Linear => self.sum_of_values([i, j], columns, [[1.0 - tx, tx], [1.0 - ty, ty]]),
-            Interpolation::Smooth => self.sum_of_values([i, j], columns + 2, [basis(tx).0, basis(ty).0]),
+            Interpolation::Linear => self.sum_of_values(held, columns, [[1.0 - tx, tx], [1.0 - ty, ty]]),
+            Interpolation::Smooth => self.sum_of_values(held, columns + 2, [basis(tx).0, basis(ty).0]),
         }
     }
 

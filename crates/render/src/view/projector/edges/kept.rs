@@ -24,7 +24,7 @@ fn to_bytes(blends: &Vec<Blend>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for blend in blends {
         let [width, height] = blend.size();
-        let lifts_black = blend.weights().iter().any(|[_, black]| *black != 0.0);
+        let lifts_black = blend.lifts_black();
         bytes.extend_from_slice(bytemuck::bytes_of(&[width, height, u32::from(lifts_black)]));
         for channel in 0..=usize::from(lifts_black) {
             let values: Vec<f32> = blend.weights().iter().map(|weights| weights[channel]).collect();

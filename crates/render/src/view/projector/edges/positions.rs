@@ -4,7 +4,7 @@
 //! fortieth of the time that exact positions of all pixels take. A cell in which they are not accurate enough, or through which the edge of the other
 //! picture passes, has exact positions.
 
-use std::array;
+use std::{array, ops::Range};
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -64,7 +64,7 @@ impl Side {
     }
 
     /// The pixels of a cell.
-    fn pixels(self, cell: usize) -> std::ops::Range<u32> {
+    fn pixels(self, cell: usize) -> Range<u32> {
         let first = cell as u32 * CELL_PX;
         first..(first + CELL_PX).min(self.0)
     }
@@ -140,17 +140,10 @@ impl<'a> Positions<'a> {
         let cell = |index: usize| {
             let cell = [index % columns, index / columns];
             let (x, y) = (STEPS * cell[0], STEPS * cell[1]);
-            let mut held = Box::new([[DVec2::ZERO; NODES]; NODES]);
-            let mut all = true;
-            for (row, held) in held.iter_mut().enumerate() {
-                for (column, held) in held.iter_mut().enumerate() {
-                    match nodes.at(x + column, y + row) {
-                        Some(position) => *held = position,
-                        None => all = false,
-                    }
-                }
-            }
-            if all {
+            let held: [[Option<DVec2>; NODES]; NODES] =
+                array::from_fn(|row| array::from_fn(|column| nodes.at(x + column, y + row)));
+            if held.iter().flatten().all(Option::is_some) {
+                let held = Box::new(held.map(|row| row.map(Option::unwrap_or_default)));
                 let pixels = [0, 1].map(|axis| sides[axis].pixels(cell[axis]));
                 let at = |place: f64, axis: usize| f64::from(pixels[axis].start) + place * pixels[axis].len() as f64;
                 let is_close = |[x, y]: [f64; 2]| {
@@ -161,8 +154,8 @@ impl<'a> Positions<'a> {
                 let is_smooth = COMPARED.into_iter().all(is_close);
                 return if is_smooth { Cell::Smooth(held) } else { Cell::Exact };
             }
-            // The edge of the other projector's picture may pass through a cell beside one that it reaches: there, a node at most two steps away is
-            // reached. A picture that is smaller than the distance of the nodes has nodes in the cell.
+            // The edge of the other projector's picture may pass through a cell none of whose nodes it reaches. Then it reaches a node at most two steps
+            // beside the cell. A picture that is smaller than the distance of the nodes has nodes of its own in the cell.
             let last = sides.map(|side| side.nodes() - 1);
             let mut around = (y.saturating_sub(2)..=(y + STEPS + 2).min(last[1]))
                 .flat_map(|row| (x.saturating_sub(2)..=(x + STEPS + 2).min(last[0])).map(move |column| (column, row)));
