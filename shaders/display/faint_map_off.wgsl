@@ -2,7 +2,7 @@
 
 #import shared/sky_place
 
-fn faint_luminance(direction: PictureDirection) -> vec3<f32> {
+fn faint_luminance(viewport: Viewport, in_view: vec3<f32>, direction: PictureDirection) -> vec3<f32> {
     return vec3(0.0);
 }
 

@@ -80,7 +80,8 @@ fn diffuse_cell(grid: PointGrid, x: u32, above: f32) -> DiffuseCell {
 
 // Returns the light from behind the surfaces and the air of a pixel, read in the pixel's own direction.
 fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> vec3<f32> {
-    let towards = normalize(world_direction(viewport, direction_of_pixel(viewport, vec2<i32>(pixel))));
+    let in_view = direction_of_pixel(viewport, vec2<i32>(pixel));
+    let towards = normalize(world_direction(viewport, in_view));
     var arriving = towards;
     var passed = vec3(1.0);
     if HAS_AIR {
@@ -90,7 +91,7 @@ fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> ve
     let direction = picture_direction(arriving);
     var behind = vec3(0.0);
     if HAS_SKY {
-        behind += faint_luminance(direction);
+        behind += faint_luminance(viewport, in_view, direction);
     }
     if reads_diffuse {
         behind += diffuse_luminance(parameters.diffuse, arriving, direction);

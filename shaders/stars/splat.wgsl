@@ -10,6 +10,7 @@
 #import constants/star_light
 #import constants/units
 #import shared/air_mass
+#import shared/map_caps
 #import shared/occlusion
 #import shared/projection
 #import shared/refraction
@@ -103,6 +104,13 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 colour /= kept;
             }
             let direction = view_direction(viewport, relative);
+            var share = 1.0;
+            if !FROM_PAGES && parameters.caps.y > 0.0 {
+                share -= share_of_map(viewport, parameters.caps, direction);
+                if share <= 0.0 {
+                    continue;
+                }
+            }
             let projected = pixel_from_direction(viewport, direction);
             var image = image_of(viewport, direction, projected.xy, illuminance);
             if FROM_PAGES {
@@ -128,7 +136,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                     continue;
                 }
             }
-            let scale = illuminance * visible * parameters.units_per_lx;
+            let scale = illuminance * share * visible * parameters.units_per_lx;
             splat(tile, viewport, image, colour, scale, item.first_number + i);
             drawn += select(0u, 1u, holds_image(tile, viewport, pixel));
         }

@@ -12,7 +12,10 @@ use steradian::{
     render::{Frame, FrameRequest, Renderer, SkyMapUse, Wanted},
     scene::SceneSnapshot,
     units::PARSEC_M,
-    view::{Rig, ViewKind, projection::FisheyeMapping},
+    view::{
+        Rig, ViewKind,
+        projection::{Face, FisheyeMapping},
+    },
 };
 
 use crate::common::{configured, renderer, rig};
@@ -92,6 +95,72 @@ fn the_map_keeps_the_error_budget_and_the_light_of_a_dome() {
         assert!(light.abs() < 1e-4, "{case}: {light:.1e}");
     }
 }
+
+/// Size of the whole-sky map. Its pixels at the equator are as large as those in the middle of a dome of 512 pixels.
+const WHOLE_SKY: [u32; 2] = [1024, 512];
+
+/// Near the poles of a whole-sky map and in the corners of a cubemap, pixels are far smaller than in the middle.
+#[test]
+fn pictures_of_the_whole_sky_use_the_map() {
+    let mut renderer = renderer();
+    let settings = settings();
+    let map = ViewKind::Equirectangular { size: WHOLE_SKY };
+    let cube = ViewKind::Cubemap { face_size: 256, faces: Face::ALL.to_vec() };
+    let with_dome = vec![("map", map.clone()), ("dome", dome(512).1)];
+    for (name, views) in [("map", vec![("map", map)]), ("cube", vec![("cube", cube)]), ("map and dome", with_dome)] {
+        let rig = rig(views);
+        for towards in directions() {
+            let scene = scene(towards);
+            let exact = draw(&mut renderer, &scene, &rig, Output::Hdr, SkyMapUse::Wait);
+            let display = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Wait);
+            let star_by_star = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Off);
+            let (in_map, drawn) = (display.views[0].stars_in_map, display.views[0].stars_drawn);
+            assert!(in_map > 150_000 && drawn < exact.views[0].stars_drawn - 150_000, "{name}: {in_map} {drawn}");
+            let of_map = DisplayErrors::between(&star_by_star, &display, &settings);
+            let [most, largest] = [0.999, 1.0].map(|share| of_map.quantile(share));
+            let light = light_lx(&display) / light_lx(&star_by_star) - 1.0;
+            println!(
+                "{name}: {in_map} stars in the map, {drawn} drawn: 99.9 % {most:.3}, largest {largest:.3}; relative error of the light {light:.1e}"
+            );
+            assert!(most < LIMITS[0] && largest < LIMITS[1], "{name}: {most} {largest} {:?}", of_map.worst);
+            assert!(light.abs() < 1e-4, "{name}: {light:.1e}");
+        }
+    }
+}
+
+/// Greatest relative error of the mean luminance of eight rows of a whole-sky map.
+fn row_error(exact: &Frame, display: &Frame) -> f64 {
+    let [width, _] = WHOLE_SKY.map(|side| side as usize);
+    let light_of_rows = |frame: &Frame| -> Vec<f64> {
+        let rows = frame.images[0].hdr.as_ref().unwrap().chunks(8 * width);
+        rows.map(|pixels| pixels.iter().map(|pixel| f64::from(pixel[1])).sum()).collect()
+    };
+    let errors = light_of_rows(exact).into_iter().zip(light_of_rows(display)).map(|(of, by)| (by / of - 1.0).abs());
+    errors.fold(0.0, f64::max)
+}
+
+/// The map and the stars of a cap share the light at its edge. If they did not, there would be a ring.
+#[test]
+fn caps_of_a_whole_sky_map_have_no_ring() {
+    let rig = rig(vec![("map", ViewKind::Equirectangular { size: WHOLE_SKY })]);
+    let mut renderer = renderer();
+    for towards in directions() {
+        let scene = scene(towards);
+        let star_by_star = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Off);
+        let mut display = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Wait);
+        let error = row_error(&star_by_star, &display);
+        println!("error of the light of rows: {error:.1e}");
+        assert!(error < ROW_LIMIT, "{error}");
+        // A ring of one row must fail the comparison.
+        let row = WHOLE_SKY[0] as usize;
+        let pixels = display.images[0].hdr.as_mut().unwrap();
+        pixels[50 * row..51 * row].iter_mut().for_each(|pixel| pixel[1] *= 1.01);
+        assert!(row_error(&star_by_star, &display) > ROW_LIMIT);
+    }
+}
+
+/// Limit of [`row_error`]: about four times the measured value.
+const ROW_LIMIT: f64 = 4.5e-4;
 
 /// Display images use the map of faint stars even without glare.
 #[test]
@@ -174,7 +243,7 @@ fn another_camera_position_has_another_map() {
 fn views_unsuitable_for_a_map_use_none() {
     let mut renderer = renderer();
     let scene = scene(directions()[0]);
-    let sky = ("sky", ViewKind::Equirectangular { size: [512, 256] });
+    let sky = ("sky", ViewKind::Equirectangular { size: [512, 512] });
     let wide = ("wide", ViewKind::Perspective { size: [512, 512], fov_y_rad: 2.4 });
     for views in [vec![sky], vec![wide], vec![dome(512), ("small", dome(300).1)]] {
         let rig = rig(views);

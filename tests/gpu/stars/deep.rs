@@ -29,7 +29,10 @@ use steradian::{
         loader::{LoadError, StarSource, load_stars},
     },
     units::PARSEC_M,
-    view::{Rig, ViewKind, projection::FisheyeMapping},
+    view::{
+        Rig, ViewKind,
+        projection::{Face, FisheyeMapping},
+    },
 };
 
 use crate::common::{renderer, rig};
@@ -258,6 +261,39 @@ fn a_window_reads_faint_stars_from_pieces_of_a_map() {
         let wrong = with_map(&mut renderer, &wrong, &rig, &settings, SkyMapUse::Wait);
         let of_wrong = DisplayErrors::between(&stars, &wrong, &settings).quantile(0.999);
         assert!(of_wrong > 6.0 * quantile, "{case}: {of_wrong}");
+    }
+}
+
+/// Cubemaps read pieces whose texels have several sizes. The cluster of the stars is in the middle of a face, at an edge and at a corner.
+#[test]
+fn a_cubemap_reads_faint_stars_from_pieces_of_a_map() {
+    let scene = deep_scene();
+    let mut renderer = renderer();
+    let mut settings = settings();
+    settings.exposure = ExposureSettings::manual(-8.5);
+    let rig = rig(vec![("cube", ViewKind::Cubemap { face_size: 80, faces: vec![Face::Front] })]);
+    for (case, axis, angle_rad) in
+        [("middle", DVec3::Y, 0.02), ("edge", DVec3::Y, 0.6), ("corner", DVec3::new(1.0, -1.0, 0.0), 0.8)]
+    {
+        let scene = turned(&scene, axis, angle_rad);
+        let stars = draw(&mut renderer, &scene, &rig, &every_star(&settings), Output::Hdr);
+        let map = with_map(&mut renderer, &scene, &rig, &settings, SkyMapUse::Wait);
+        let drawn = map.views[0].stars_drawn;
+        assert!(
+            map.views[0].stars_in_map > 0 && drawn < stars.views[0].stars_drawn / 5,
+            "{case}: {drawn} {}",
+            map.views[0].stars_in_map
+        );
+        let ratio = light_lx(&map) / light_lx(&stars);
+        let errors = DisplayErrors::between(&stars, &map, &settings);
+        println!(
+            "{case}: {drawn} stars drawn, light {:.1e}, 99.9 % {:.3} codes, largest {:.3}",
+            ratio - 1.0,
+            errors.quantile(0.999),
+            errors.quantile(1.0)
+        );
+        // A third of the light is that of the cluster, which is as narrow as two pixels.
+        assert!((ratio - 1.0).abs() < 0.03 && errors.quantile(0.999) < 0.5 && errors.quantile(1.0) < 1.0, "{case}");
     }
 }
 

@@ -150,6 +150,8 @@ pub(crate) struct PlainGrids {
 pub(crate) struct SkyTexels {
     /// Scale of its texels.
     pub map: layout::SkyMap,
+    /// Edges of the caps that do not read it: [`crate::plan::smooth_light::caps::Caps::edges`].
+    pub caps: [f32; 2],
     /// The texels.
     pub texels: wgpu::Buffer,
 }
@@ -283,6 +285,11 @@ impl Targets {
     /// Returns the map of faint light, or a placeholder.
     pub(crate) fn faint_map(&self) -> (layout::SkyMap, &wgpu::Buffer) {
         self.sky.as_ref().map_or((layout::SkyMap::default(), &self.stand_in), |sky| (sky.map, &sky.texels))
+    }
+
+    /// Returns the edges of the caps that do not read the map of faint light; 0: there are none.
+    pub(crate) fn caps(&self) -> [f32; 2] {
+        self.sky.as_ref().map_or([0.0; 2], |sky| sky.caps)
     }
 
     /// Allocates the buffers of a frame, and uploads its viewports and tiles.

@@ -10,6 +10,8 @@
 //! stars, 1/6 px^2. With the tent for both steps, the error would vary more with the position of a star among the texels. It varies less for smaller
 //! texels that are blurred when they are stored, so such texels may hold brighter stars.
 
+pub mod caps;
+mod fitting;
 pub mod pieces;
 
 use std::sync::{Arc, Weak};
@@ -17,74 +19,37 @@ use std::sync::{Arc, Weak};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use self::pieces::{PIECE_SIDE, PieceFrame, PieceGrid, SIZES_PER_OCTAVE, SkyPicture, WantedPicture};
+pub(super) use self::fitting::{CELL_PX, fit_one_map};
+use self::{
+    caps::Caps,
+    fitting::{BRIGHTEST_STEPS, SkyInputs, Texels, fitting, smallest_sr},
+    pieces::{PieceFrame, PieceGrid, SkyPicture, WantedPicture},
+};
 use super::{
-    Approximation, Limits, Plan, PlanError, SkyUse,
+    Approximation, Plan, PlanError, SkyUse,
     budget::ErrorBudget,
     costs,
-    glare::sky_cube::map_place_pc,
     kept::Kept,
     settings::{ExposureSettings, GlareMethod, RenderSettings, StarMethod},
     stars::{
         Stars,
-        cull::{CullSettings, Field, light_at, near_stars},
-        deep::{layers_from, pixel_sr_near},
+        cull::{Field, light_at, near_stars},
+        deep::layers_from,
     },
     technique::{PlanInputs, Step, Technique},
-    tiles::BYTES_PER_PIXEL,
 };
 use crate::{
     catalogue::{
         StarRecord,
         chunks::{Chunk, StarSet},
-        deep::{LAYERS, index::Segments},
+        deep::index::Segments,
         packed::{PackedStar, temperature_of_step_k},
     },
     photometry::glare::GlareKernelName,
-    sky_pictures::{SKY_FACES, SkyPictures, world_from_face},
+    sky_pictures::{SkyPictures, world_from_face},
     units::{PARSEC_M, magnitude_from_illuminance_lx},
-    view::{
-        Rig, RigError, View, ViewKind, Viewport,
-        projection::{FisheyeMapping, Projection},
-    },
+    view::{Rig, RigError, View, ViewKind, Viewport, projection::FisheyeMapping},
 };
-
-/// Texels of a map, and the stars that they may hold.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Texels {
-    /// Side at the centre of a view, pixels.
-    side_px: f64,
-    /// Blur, applied along each axis when a texel is stored: weights of the neighbours at distances of one and two texels.
-    blur: [f64; 2],
-    /// Greatest difference between a star's light in a pixel and its light in exact images, relative to that of texels without blur.
-    error: f64,
-}
-
-/// Texels for stars that exact images draw with the tent.
-const OF_TENT: Texels = Texels { side_px: 0.632, blur: [0.0; 2], error: 1.0 };
-/// Texels of pictures of the whole sky for a deep store, whose faint stars exact images draw with the B-spline. Measured with
-/// `benches/deep_patches.rs`.
-const OF_DEEP: Texels = Texels { side_px: 0.65, ..OF_TENT };
-/// The same for pieces, from the best texels to those that need the least memory. Texels that are larger than the size of equal variance have smaller
-/// errors. The greatest difference is 7 % of a star's light for blurred texels and 21 % for others, over all positions of a star among the texels and
-/// all angles between texels and square pixels. Domes have no blurred texels: their pixels are far from square, so they would gain only half as much.
-const OF_DEEP_PIECES: [Texels; 2] =
-    [Texels { side_px: 0.45, blur: [0.291, 0.0243], error: 0.38 }, Texels { side_px: 0.85, ..OF_TENT }];
-/// Largest cell of the composite stars of a deep store, pixels. It is smaller than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds
-/// to the error.
-pub(super) const CELL_PX: f64 = 0.66;
-/// Illuminance of the brightest star of the map, divided by the solid angle of the smallest pixel, in steps of the display image.
-const BRIGHTEST_STEPS: f64 = 1.8;
-/// The same for the central pixel, for a deep store: the errors of several such stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
-const BRIGHTEST_STEPS_AT_CENTRE: f64 = 0.8;
-/// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
-const LEAST_PIXEL_RATIO: f64 = 0.45;
-/// The same for pieces, whose texels have several sizes.
-const LEAST_RATIO_OF_PIECES: f64 = 0.1;
-/// Greatest ratio of the central pixels of two views that read one map.
-const MOST_VIEW_RATIO: f64 = 1.25;
-/// Greatest distance of an eye from the camera at which the directions of the map's stars are still right.
-const FARTHEST_EYE_M: f64 = 1e9;
 
 /// Number of pictures of a map that are drawn together, in one separate frame.
 pub const PICTURES_AT_ONCE: usize = 8;
@@ -215,19 +180,6 @@ impl SkyPart {
     }
 }
 
-/// Inputs for the choice of a map.
-struct SkyInputs<'a> {
-    settings: &'a RenderSettings,
-    stars: &'a Arc<StarSet>,
-    camera_pc: DVec3,
-    /// Drawn viewports.
-    viewports: &'a [Viewport],
-    cull: CullSettings,
-    /// Step of the display image, cd/m^2.
-    step_cd_m2: f64,
-    limits: &'a Limits,
-}
-
 /// A map that a frame reads, and the division of the stars between the map and the frame.
 #[derive(Clone, Debug)]
 pub struct SkyPlan {
@@ -241,6 +193,8 @@ pub struct SkyPlan {
     pub others: Arc<StarSet>,
     /// The pictures that the frame reads.
     pub read: Arc<[WantedPicture]>,
+    /// Parts of whole-sky maps whose faint stars the frame draws, although they are in the map.
+    pub caps: Option<Caps>,
     /// The map is worth its cost if it saves the frame from drawing this number of stars and composite stars of a deep store, in addition to the
     /// other stars in the map.
     least_saved: f64,
@@ -292,7 +246,10 @@ impl SmoothLight {
         let held = self.divided.as_ref().filter(|(set, divided)| divided.map == map && is_of(set));
         let divided = held.map_or_else(|| divide(stars, map), |(_, divided)| divided.clone());
         let of_chunks = in_view(inputs, &|chunk| divided.in_map_of_chunk[chunk]);
-        let divided = SkyPlan { read, least_saved: pays_from - of_chunks, ..divided };
+        let caps = Caps::of(inputs);
+        let drawn = caps.iter().flat_map(|caps| &*caps.visible).map(|visible| divided.in_map_of_chunk[visible.chunk]);
+        let drawn = drawn.sum::<u64>() as f64;
+        let divided = SkyPlan { read, caps, least_saved: pays_from - (of_chunks - drawn), ..divided };
         self.divided = Some((Arc::downgrade(stars), divided.clone()));
         (has_deep || divided.pays_at_once()).then_some(divided)
     }
@@ -352,83 +309,9 @@ impl Technique for SmoothLight {
 /// have an error of [`BRIGHTEST_STEPS`] steps, because its light is not lost but spread.
 fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: ErrorBudget) -> Approximation {
     let name = "the brightest star in the map of faint light, compared with that star drawn individually";
-    let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
-    let steps = map.texels.error * map.below_lx / (step_cd_m2 * smallest_sr);
+    let steps = map.texels.error * map.below_lx / (step_cd_m2 * smallest_sr(viewports));
     // The limit has a margin for rounding.
     budget.bound_in_steps(name, steps, BRIGHTEST_STEPS * (1.0 + 1e-9))
-}
-
-/// Illuminance of the brightest star of the map of a deep store, divided by the solid angle of the smallest pixel, in steps of the display image, for
-/// texels without blur. It is rounded to steps of a fixed factor, so that it seldom changes during a zoom.
-fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
-    let middle_rad =
-        viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(f64::INFINITY, f64::min);
-    let steps = BRIGHTEST_STEPS.min(BRIGHTEST_STEPS_AT_CENTRE * middle_rad.powi(2) / smallest_sr);
-    ((steps.log2() * SIZES_PER_OCTAVE).floor() / SIZES_PER_OCTAVE).exp2()
-}
-
-/// The map for these views, with the pictures that they read: of the whole sky, or in pieces.
-fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
-    let (deep, limits) = (&inputs.stars.deep, inputs.limits);
-    let smallest_sr = inputs.viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
-    let brightest_steps = if deep.is_some() { steps_of_deep(inputs.viewports, smallest_sr) } else { BRIGHTEST_STEPS };
-    let of_whole = if deep.is_some() { OF_DEEP } else { OF_TENT };
-    let below_lx = brightest_steps * inputs.step_cd_m2 * smallest_sr;
-    let whole = finest_pixel_rad(inputs.viewports, LEAST_PIXEL_RATIO);
-    let whole = whole.map(|rad| SkyPictures::of_texels(of_whole.side_px * rad)).filter(|whole| {
-        4 * whole.texels() <= limits.max_binding_bytes
-            && whole.side <= limits.max_view_side_px
-            // Pictures of the whole sky would need all stars of every layer that reaches this illuminance.
-            && (deep.is_none() || layers_from(below_lx) == 0)
-    });
-    if let Some(SkyPictures { side }) = whole {
-        let read = (0..SKY_FACES).map(|number| WantedPicture { number, level: 0.0 }).collect();
-        let map = map_of(inputs, below_lx, of_whole, SkyLayout::Whole { side });
-        return (map.below_lx > map.faintest_lx).then_some((map, read));
-    }
-    finest_pixel_rad(inputs.viewports, LEAST_RATIO_OF_PIECES)?;
-    let are_flat = inputs.viewports.iter().all(|v| matches!(v.projection, Projection::Perspective(_)));
-    let of_pieces: &[Texels] = match deep {
-        Some(_) if are_flat => &OF_DEEP_PIECES,
-        Some(_) => &OF_DEEP_PIECES[1..],
-        None => &[OF_TENT],
-    };
-    of_pieces.iter().find_map(|texels| in_pieces(inputs, *texels, smallest_sr, brightest_steps))
-}
-
-/// A map for these views.
-fn map_of(inputs: &SkyInputs<'_>, below_lx: f64, texels: Texels, layout: SkyLayout) -> SkyMap {
-    SkyMap {
-        place_pc: map_place_pc(inputs.camera_pc),
-        below_lx,
-        faintest_lx: inputs.cull.faintest_lx,
-        unit_cd_m2: inputs.step_cd_m2,
-        layout,
-        texels,
-    }
-}
-
-/// A map in pieces, with the pieces that the views read; `None`: it would be too large, or empty.
-fn in_pieces(
-    inputs: &SkyInputs<'_>,
-    texels: Texels,
-    smallest_sr: f64,
-    brightest_steps: f64,
-) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
-    let SkyInputs { viewports, step_cd_m2, cull, limits, .. } = inputs;
-    let grid = PieceGrid::of_texels(texels.side_px * smallest_sr.sqrt())?;
-    // While a zoom does not change the texels, the limit of a star's light does not change either.
-    let most_sr = (grid.texel / texels.side_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
-    let below_lx = brightest_steps / texels.error * step_cd_m2 * smallest_sr.min(most_sr);
-    // If every layer of a deep store is drawn star by star, the map has no composite stars.
-    let has_stars = inputs.stars.deep.is_none() || layers_from(below_lx) < LAYERS.len();
-    (has_stars && below_lx > cull.faintest_lx).then_some(())?;
-    let read = pieces_in(&grid, texels.side_px, viewports, cull);
-    // A texel is blurred with others of its picture, so a picture must not be divided when it is drawn.
-    let drawn_bytes = PICTURES_AT_ONCE as u64 * u64::from(PIECE_SIDE * PIECE_SIDE) * BYTES_PER_PIXEL;
-    let is_undivided = texels.blur == [0.0; 2] || drawn_bytes <= limits.max_binding_bytes;
-    let fits = is_undivided && 4 * words_needed(&grid, &read) <= limits.max_binding_bytes;
-    fits.then(|| (map_of(inputs, below_lx, texels, SkyLayout::Pieces(grid)), read))
 }
 
 /// Words of a piece's picture.
@@ -442,44 +325,6 @@ pub fn piece_words(grid: &PieceGrid, picture: SkyPicture) -> u32 {
 pub fn words_needed(grid: &PieceGrid, read: &[WantedPicture]) -> u64 {
     let words: u64 = read.iter().map(|wanted| u64::from(piece_words(grid, wanted.drawn()))).sum();
     u64::from(grid.pieces()) + (SPARE * words as f64) as u64
-}
-
-/// The pieces that are in view, with texels of `texel_px` of the views' smallest pixels at each piece.
-fn pieces_in(grid: &PieceGrid, texel_px: f64, viewports: &[Viewport], cull: &CullSettings) -> Arc<[WantedPicture]> {
-    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
-    let wanted = |number: u32| {
-        let (cone, corners) = (grid.cone(number), grid.corners(number));
-        let seeing = viewports.iter().zip(&fields).filter(|(_, field)| field.touches_polygon(cone, &corners));
-        let pixels_rad = seeing.map(|(viewport, _)| pixel_sr_near(viewport, cone.axis, 0.0).sqrt());
-        let finest_rad = pixels_rad.fold(f64::INFINITY, f64::min);
-        finest_rad.is_finite().then(|| grid.wanted(number, texel_px * finest_rad))
-    };
-    let near = grid.pieces_where(|cone| fields.iter().any(|field| field.touches_cone(cone)));
-    near.into_par_iter().filter_map(wanted).collect::<Vec<_>>().into()
-}
-
-/// Whether the texels of one map, which may be in pieces, have a suitable size for all of these views.
-pub(super) fn fit_one_map(viewports: &[Viewport]) -> bool {
-    finest_pixel_rad(viewports, LEAST_RATIO_OF_PIECES).is_some()
-}
-
-/// The smallest central pixel of the views, rad; `None`: no map fits all of them. `least_ratio` is the least permitted ratio of a view's smallest
-/// pixel to its central one.
-fn finest_pixel_rad(viewports: &[Viewport], least_ratio: f64) -> Option<f64> {
-    let fits = |viewport: &Viewport| {
-        let projection = &viewport.projection;
-        let is_smooth = match projection {
-            Projection::Perspective(_) => true,
-            Projection::Fisheye(fisheye) => fisheye.mapping != FisheyeMapping::Orthographic,
-            _ => false,
-        };
-        is_smooth
-            && projection.smallest_pixel_sr() >= least_ratio * projection.middle_pixel_rad().powi(2)
-            && viewport.eye_offset_m.length() <= FARTHEST_EYE_M
-    };
-    let middle = viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad());
-    let (least, most) = middle.fold((f64::INFINITY, 0.0_f64), |(least, most), px| (least.min(px), most.max(px)));
-    (!viewports.is_empty() && viewports.iter().all(fits) && most <= MOST_VIEW_RATIO * least).then_some(least)
 }
 
 /// Divides the stars between map and frame.
@@ -510,6 +355,7 @@ fn divide(set: &StarSet, map: SkyMap) -> SkyPlan {
         in_map_of_chunk: in_map_of_chunk.into(),
         others: Arc::new(StarSet::from_records(others.into_iter().flatten().collect())),
         read: Arc::default(),
+        caps: None,
         least_saved: 0.0,
     }
 }
@@ -533,7 +379,7 @@ fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> St
 mod tests {
     use std::f64::consts::PI;
 
-    use super::*;
+    use super::{fitting::OF_TENT, *};
     use crate::units::illuminance_lx_from_magnitude;
 
     fn map(side: u32) -> SkyMap {

@@ -5,6 +5,8 @@
 //! widened by the parallax. Both are valid, so the narrower one counts. For a moving camera, the cones are transformed (`crate::relativity`), and the
 //! light of the stars changes (`travel`).
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -87,6 +89,23 @@ impl Field {
         }
     }
 
+    /// A round field of a viewport around a direction in view axes.
+    pub(in crate::plan) fn round(
+        viewport: &Viewport,
+        &CullSettings { motion, refraction, .. }: &CullSettings,
+        axis: DVec3,
+        half_angle_rad: f64,
+    ) -> Self {
+        Self {
+            eye_pc: viewport.eye_offset_m / PARSEC_M,
+            axis: viewport.world_from_view * axis,
+            half_angle_rad,
+            planes: Vec::new(),
+            motion,
+            refraction,
+        }
+    }
+
     /// Position of the eye relative to the camera, pc.
     pub(super) fn eye_pc(&self) -> DVec3 {
         self.eye_pc
@@ -101,13 +120,14 @@ impl Field {
         if axis.angle_between(self.axis) > self.half_angle_rad + half_angle_rad {
             return false;
         }
-        half_angle_rad >= std::f64::consts::FRAC_PI_2
-            || self.planes.iter().all(|normal| normal.dot(axis) >= -half_angle_rad.sin())
+        half_angle_rad >= FRAC_PI_2 || self.planes.iter().all(|normal| normal.dot(axis) >= -half_angle_rad.sin())
     }
 
     /// Whether the field may contain a star of a chunk.
     pub(in crate::plan) fn may_see(&self, chunk: &Chunk, camera_pc: DVec3) -> bool {
-        cones_of(chunk, camera_pc, origin_of(chunk, camera_pc), self.eye_pc).all(|cone| self.touches_cone(cone))
+        let is_whole_sky = self.half_angle_rad >= PI && self.planes.is_empty();
+        is_whole_sky
+            || cones_of(chunk, camera_pc, origin_of(chunk, camera_pc), self.eye_pc).all(|cone| self.touches_cone(cone))
     }
 
     /// Whether a convex polygon with these corners, unit vectors, within a cone intersects the field.
@@ -190,12 +210,24 @@ pub fn visible_chunks(
     viewports: &[Viewport],
     settings: CullSettings,
 ) -> Vec<VisibleChunk> {
-    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, &settings)).collect();
+    let of_viewport = |(index, viewport)| (index, Field::new(viewport, &settings));
+    let fields: Vec<(usize, Field)> = viewports.iter().enumerate().map(of_viewport).collect();
+    visible_in(set, camera_pc, viewports, &fields, settings)
+}
+
+/// Selects the chunks that may be visible in fields of the viewports. Each field comes with the index of its viewport.
+pub(in crate::plan) fn visible_in(
+    set: &StarSet,
+    camera_pc: DVec3,
+    viewports: &[Viewport],
+    fields: &[(usize, Field)],
+    settings: CullSettings,
+) -> Vec<VisibleChunk> {
     let eyes_pc = distinct_eyes_pc(viewports);
     set.chunks
         .par_iter()
         .enumerate()
-        .filter_map(|(index, chunk)| look_at(set, index, chunk, camera_pc, &eyes_pc, &fields, settings))
+        .filter_map(|(index, chunk)| look_at(set, index, chunk, camera_pc, &eyes_pc, fields, settings))
         .collect()
 }
 
@@ -205,7 +237,7 @@ fn look_at(
     chunk: &Chunk,
     camera_pc: DVec3,
     eyes_pc: &[DVec3],
-    fields: &[Field],
+    fields: &[(usize, Field)],
     settings: CullSettings,
 ) -> Option<VisibleChunk> {
     let origin_pc = origin_of(chunk, camera_pc);
@@ -218,9 +250,10 @@ fn look_at(
     };
     let near = !chunk.at_infinity && nearest_pc < NEAR_SHARE * origin_pc.length() + 1e-12;
     // Viewports in which the chunk may be visible.
-    let viewports: u64 = (0..fields.len())
-        .filter(|&i| !settings.enabled || fields[i].may_see(chunk, camera_pc))
-        .fold(0, |set, i| set | 1 << i);
+    let viewports: u64 = fields
+        .iter()
+        .filter(|(_, field)| !settings.enabled || field.may_see(chunk, camera_pc))
+        .fold(0, |set, (index, _)| set | 1 << index);
     if viewports == 0 {
         return None;
     }

@@ -95,6 +95,16 @@ pub struct OtherLight {
     pub pixel_step_lx: f64,
 }
 
+impl OtherLight {
+    /// Adds the stars of `visible` not fainter than `faintest_lx` to the crowd.
+    pub fn add_crowd(&mut self, set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3], faintest_lx: f64) {
+        let faintest_star_lx = faintest_star_lx(set, visible, eyes_pc).max(faintest_lx);
+        self.faintest_lx = if self.many > 0 { self.faintest_lx.min(faintest_star_lx) } else { faintest_star_lx };
+        self.many += visible.iter().map(|chunk| u64::from(chunk.count)).sum::<u64>();
+        self.crowd_lx += visible.iter().map(|chunk| chunk.total_lx).sum::<f64>();
+    }
+}
+
 /// The greatest illuminance at any eye.
 fn most(per_eye_lx: &[f64]) -> f64 {
     per_eye_lx.iter().copied().fold(0.0, f64::max)
@@ -120,7 +130,7 @@ pub fn choose(
     // For a moving camera only the range determines the unit, because motion changes the light of every star by a different factor.
     let faintest_star_lx = match motion {
         Some(_) => 0.0,
-        None if other.many > 0 => faintest_star_lx(set, visible, eyes_pc).min(other.faintest_lx).max(faintest_lx),
+        None if other.many > 0 => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx).min(other.faintest_lx),
         None => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx),
     };
     let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum::<u64>() + other.many;

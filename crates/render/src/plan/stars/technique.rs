@@ -172,7 +172,11 @@ impl Stars {
             });
         let deep = &plan.stars.deep;
         let crowd_lx = other.crowd_lx + deep.total_lx;
-        let other = OtherLight { crowd_lx, faintest_lx: deep.faintest_lx, many: deep.stars, ..other };
+        let mut other =
+            OtherLight { crowd_lx, faintest_lx: deep.faintest_lx.max(faintest_lx), many: deep.stars, ..other };
+        if let Some(caps) = plan.smooth_light.map.as_ref().and_then(|sky| sky.caps.as_ref()) {
+            other.add_crowd(&inputs.scene.stars, &caps.visible, &eyes_pc, plan.stars.faintest_lx);
+        }
         let mut ranges = range::choose(stars, &plan.stars.visible, &eyes_pc, faintest_lx, plan.views.motion, &other);
         if let SkyUse::Part(SkyPart { map, .. }) = inputs.sky {
             ranges.main.brightest_lx = map.below_lx;

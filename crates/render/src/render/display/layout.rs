@@ -26,8 +26,8 @@ gpu_structs! {
         diffuse_is_smooth: u32,
         /// Index of the first high word of the brightest stars in their buffer, in pairs of words.
         first_bright_high: u32,
-        unused_0: u32,
-        unused_1: u32,
+        /// Edges of the caps that do not read the map of faint light (shaders/shared/map_caps.wgsl); 0: there are none.
+        caps: [f32; 2],
     }
     /// Parameters of the exposure pass.
     struct ExposureParameters {

@@ -25,7 +25,7 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, bind_in_order},
     plan::{
         Plan,
-        smooth_light::{PIECE_WORDS, SkyLayout, SkyMap, SkyPart, SkyPlan, pieces::WantedPicture},
+        smooth_light::{PIECE_WORDS, SkyLayout, SkyMap, SkyPart, SkyPlan, caps::Caps, pieces::WantedPicture},
         stars::{
             cull::MAX_VIEWPORTS,
             deep::{DeepPlan, Lack, Residual},
@@ -213,7 +213,7 @@ impl Technique for SmoothLight {
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         self.maps.resize_with(frame.series.slots, SeriesMap::new);
         let own = &mut self.maps[frame.series.slot];
-        if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.smooth_light.map, own.texels.held()) {
+        if let (Some(SkyPlan { map, caps, .. }), Some(texels)) = (&frame.plan.smooth_light.map, own.texels.held()) {
             let unit_cd_m2 = map.unit_cd_m2 * frame.plan.glare.share_in_sums();
             let (side, pieces_per_edge) = match map.layout {
                 SkyLayout::Whole { side } => (side, 0),
@@ -225,7 +225,8 @@ impl Technique for SmoothLight {
                 side,
                 pieces_per_edge,
             };
-            targets.sky = Some(SkyTexels { map: sky_map, texels: texels.clone() });
+            let caps = Caps::edges(caps.as_ref());
+            targets.sky = Some(SkyTexels { map: sky_map, caps, texels: texels.clone() });
         }
         if let Some(part) = &frame.plan.smooth_light.part {
             own.place(gpu, part, &frame.plan.stars.deep);

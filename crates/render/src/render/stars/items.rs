@@ -36,8 +36,19 @@ pub(crate) struct StarDraw<'a> {
     /// Index of the first item; a multiple of [`ITEM_ALIGNMENT`].
     pub first_item: u64,
     pub item_count: u32,
-    /// Whether the stars are those of pages.
-    pub from_pages: bool,
+    /// Stars of the run.
+    pub kind: StarKind,
+}
+
+/// Stars that are drawn together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StarKind {
+    /// Stars of chunks.
+    Chunks,
+    /// Stars of chunks that are also in the map of faint light: [`crate::plan::smooth_light::caps`].
+    Caps,
+    /// Stars of pages of a deep store.
+    Pages,
 }
 
 /// Returns the bind group of stars and their items, the same for every pass over items.
@@ -65,6 +76,8 @@ pub(super) enum ItemSource {
 pub(super) struct ItemRun {
     /// Index of the batch.
     pub batch: usize,
+    /// Stars of the run.
+    pub kind: StarKind,
     /// The stars.
     pub source: ItemSource,
     /// First item.
@@ -76,13 +89,7 @@ pub(super) struct ItemRun {
 impl ItemRun {
     /// Draws this run, from the stars of its source and the items of its batch.
     pub(super) fn draw<'a>(&self, stars: &'a wgpu::Buffer, items: &'a wgpu::Buffer) -> StarDraw<'a> {
-        StarDraw {
-            stars,
-            items,
-            first_item: self.first_item,
-            item_count: self.item_count,
-            from_pages: matches!(self.source, ItemSource::Pages(_)),
-        }
+        StarDraw { stars, items, first_item: self.first_item, item_count: self.item_count, kind: self.kind }
     }
 }
 
@@ -98,20 +105,21 @@ pub(super) struct Items {
 /// If there are at most this many stars, each item of a shuffled order holds one star, so that every order is possible.
 const SINGLE_STARS: u64 = 1 << 16;
 
-/// Builds the items of a frame. With a seed the items are shuffled; each holds a single star, or many stars if more
-/// than [`SINGLE_STARS`] are visible. A star keeps its number within the set.
-pub(super) fn build_items(
+/// Adds the items of visible chunks. With a seed the items are shuffled; each holds a single star, or many stars if more than [`SINGLE_STARS`] are
+/// visible. A star keeps its number within the set.
+pub(super) fn push_chunks(
+    Items { items, runs, near }: &mut Items,
+    kind: StarKind,
     buffers: &StarBuffers,
     visible: &[VisibleChunk],
     batches: &[Batch],
     order: Option<u64>,
-) -> Items {
+) {
     let set = &*buffers.set;
     let visible_stars: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
     let most = if order.is_some() && visible_stars <= SINGLE_STARS { 1 } else { ITEM_STARS };
     let mut random = order.map(ChaCha8Rng::seed_from_u64);
     // Near stars, relative to the camera, for all batches.
-    let mut near = Vec::new();
     let mut near_first = Vec::new();
     for chunk in visible.iter().filter(|chunk| chunk.near) {
         near_first.push(near.len() as u32);
@@ -121,8 +129,6 @@ pub(super) fn build_items(
         );
     }
     // Items of each batch, segment by segment, then those of the near stars.
-    let mut items = Vec::new();
-    let mut runs = Vec::new();
     for (batch_index, batch) in batches.iter().enumerate() {
         let tiles_of = tiles_of(batch);
         let mut far = visible.iter().filter(|chunk| !chunk.near).peekable();
@@ -131,7 +137,7 @@ pub(super) fn build_items(
             while let Some(chunk) = far.next_if(|chunk| chunk.chunk < segment.end_chunk) {
                 let stars = &set.chunks[chunk.chunk];
                 push_items(
-                    &mut items,
+                    items,
                     chunk,
                     stars,
                     stars.first - segment.first_star,
@@ -141,24 +147,15 @@ pub(super) fn build_items(
                 );
             }
             shuffle(&mut items[first_item..], &mut random);
-            close_run(&mut items, &mut runs, batch_index, ItemSource::Segment(segment_index), first_item);
+            close_run(items, runs, (batch_index, kind), ItemSource::Segment(segment_index), first_item);
         }
         let first_item = items.len();
         for (chunk, first) in visible.iter().filter(|chunk| chunk.near).zip(&near_first) {
-            push_items(
-                &mut items,
-                chunk,
-                &set.chunks[chunk.chunk],
-                *first,
-                DVec3::ZERO,
-                tiles_of(chunk.viewports),
-                most,
-            );
+            push_items(items, chunk, &set.chunks[chunk.chunk], *first, DVec3::ZERO, tiles_of(chunk.viewports), most);
         }
         shuffle(&mut items[first_item..], &mut random);
-        close_run(&mut items, &mut runs, batch_index, ItemSource::Near, first_item);
+        close_run(items, runs, (batch_index, kind), ItemSource::Near, first_item);
     }
-    Items { items, runs, near }
 }
 
 /// Returns the tiles of a set of viewports in a batch.
@@ -207,7 +204,7 @@ pub(super) fn push_pages(
                     });
                 }
             }
-            close_run(items, runs, batch_index, ItemSource::Pages(segment), first_item);
+            close_run(items, runs, (batch_index, StarKind::Pages), ItemSource::Pages(segment), first_item);
         }
     }
 }
@@ -257,13 +254,13 @@ fn shuffle(items: &mut [layout::StarItem], random: &mut Option<ChaCha8Rng>) {
 fn close_run(
     items: &mut Vec<layout::StarItem>,
     runs: &mut Vec<ItemRun>,
-    batch: usize,
+    (batch, kind): (usize, StarKind),
     source: ItemSource,
     first_item: usize,
 ) {
     let item_count = (items.len() - first_item) as u32;
     if item_count > 0 {
-        runs.push(ItemRun { batch, source, first_item: first_item as u64, item_count });
+        runs.push(ItemRun { batch, kind, source, first_item: first_item as u64, item_count });
         items.resize(items.len().next_multiple_of(ITEM_ALIGNMENT), layout::StarItem::default());
     }
 }

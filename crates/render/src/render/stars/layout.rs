@@ -49,6 +49,10 @@ gpu_structs! {
         camera_motion: CameraMotion,
         /// The air around the camera.
         air: AirAbove,
+        /// Edges of the caps in which stars are drawn with a share of their light (shaders/shared/map_caps.wgsl); 0: with all of it.
+        caps: [f32; 2],
+        unused_0: u32,
+        unused_1: u32,
     }
     /// A star for the published methods.
     struct CatalogueStar {

@@ -19,7 +19,7 @@ use self::{
     buffers::StarBuffers,
     catalogue_buffers::CatalogueBuffers,
     cell_sky::CellSky,
-    items::{ItemBuffers, ItemRun, ItemSource, StarDraw, build_items, push_pages},
+    items::{ItemBuffers, ItemRun, ItemSource, Items, StarDraw, StarKind, push_chunks, push_pages},
     packed::{Packed, PackedFrame},
     pages::PageBuffers,
     splat::StarPass,
@@ -77,9 +77,10 @@ impl Stars {
         }
     }
 
-    /// Returns the star buffers to which the items of the frame refer.
-    fn drawn(&self) -> Option<&StarBuffers> {
-        if self.reads_map { self.beside_map.as_ref() } else { self.held.as_ref() }
+    /// Returns the star buffers to which the items of a run refer.
+    fn drawn(&self, kind: StarKind) -> Option<&StarBuffers> {
+        let is_beside_map = self.reads_map && kind != StarKind::Caps;
+        if is_beside_map { self.beside_map.as_ref() } else { self.held.as_ref() }
     }
 
     /// Draws of a batch: the runs of items left by culling.
@@ -91,7 +92,7 @@ impl Stars {
         let draw = |run: &ItemRun| {
             let stars = match run.source {
                 ItemSource::Near => near,
-                ItemSource::Segment(segment) => self.drawn().map_or(near, |stars| stars.buffer(segment)),
+                ItemSource::Segment(segment) => self.drawn(run.kind).map_or(near, |stars| stars.buffer(segment)),
                 ItemSource::Pages(segment) => self.pages.buffer(segment),
             };
             run.draw(stars, items)
@@ -182,12 +183,15 @@ impl Technique for Stars {
             self.beside_map = None;
             self.beside_map = Some(StarBuffers::new(gpu, others.clone()));
         }
-        let held = self.drawn().filter(|_| method.reads_visible());
-        let mut items = held
-            .map(|buffers| {
-                build_items(buffers, &frame.plan.stars.visible, &frame.plan.views.batches, frame.catalogue_order)
-            })
-            .unwrap_or_default();
+        let mut items = Items::default();
+        let caps = frame.plan.smooth_light.map.as_ref().and_then(|sky| sky.caps.as_ref());
+        let of_caps = caps.map_or(&[][..], |caps| &caps.visible);
+        for (kind, visible) in [(StarKind::Chunks, &*frame.plan.stars.visible), (StarKind::Caps, of_caps)] {
+            if let Some(buffers) = self.drawn(kind).filter(|_| method.reads_visible()) {
+                let batches = &frame.plan.views.batches;
+                push_chunks(&mut items, kind, buffers, visible, batches, frame.catalogue_order);
+            }
+        }
         let deep = &frame.plan.stars.deep;
         let places = self.pages.hold(gpu, deep);
         push_pages(&mut items, &deep.visible, &places, self.pages.segments(), &frame.plan.views.batches);

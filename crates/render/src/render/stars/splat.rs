@@ -1,12 +1,13 @@
 //! The star pass: splats the illuminance of every visible star in fixed point. Shader: `shaders/stars/splat.wgsl`; the
 //! f64 twin is `crate::reference::stars`.
 
-use super::items::{StarDraw, bind_items};
+use super::items::{StarDraw, StarKind, bind_items};
 use crate::{
     gpu::{self, Gpu, Variants, dispatch_rows},
     photometry::blackbody::ln_luminance_cd_m2,
     plan::{
         Plan, SmoothLightPlan,
+        smooth_light::caps::Caps,
         stars::{
             range::FixedPoint,
             travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, temperature_of_shifted_step_k},
@@ -90,34 +91,41 @@ impl StarPass {
     ) {
         let occlusion = &sums.occlusion;
         let units_per_lx = range.units_per_lx * plan.glare.share_in_sums();
-        let mut of_pages = None;
+        let mut last = None;
         // Limits for stars of pages: a map that the frame reads contains the stars below `read_lx`; a picture of the map draws the stars below
         // `drawn_lx`.
         let SmoothLightPlan { map, part } = &plan.smooth_light;
         let read_lx = map.as_ref().map(|sky| sky.map.below_lx);
         let drawn_lx = part.as_ref().map(|part| part.map.below_lx);
-        // Stars of pages are too faint for the separate sums of bright ones.
-        for draw in draws.iter().filter(|draw| !(draw.from_pages && is_bright)) {
-            let pipeline = &self.pipeline(gpu, occlusion.present, draw.from_pages);
-            if of_pages != Some(draw.from_pages) {
-                of_pages = Some(draw.from_pages);
+        let caps = map.as_ref().and_then(|sky| sky.caps.as_ref());
+        // Stars of pages and of caps are too faint for the separate sums of bright ones.
+        for draw in draws.iter().filter(|draw| draw.kind == StarKind::Chunks || !is_bright) {
+            let from_pages = draw.kind == StarKind::Pages;
+            let pipeline = &self.pipeline(gpu, occlusion.present, from_pages);
+            if last != Some(from_pages) {
+                last = Some(from_pages);
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
                 gpu.bind_tables(pass, pipeline);
             }
             let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
+            let limits_lx = match draw.kind {
+                StarKind::Chunks => [range.faintest_lx, range.brightest_lx],
+                StarKind::Caps => [plan.stars.faintest_lx, read_lx.unwrap_or(f64::INFINITY)],
+                StarKind::Pages => [read_lx.unwrap_or(range.faintest_lx), drawn_lx.unwrap_or(f64::INFINITY)],
+            };
+            let [faintest_lx, brightest_lx] = limits_lx.map(|lx| lx as f32);
             let parameters = layout::StarParameters {
                 units_per_lx: units_per_lx as f32,
-                faintest_lx: read_lx.filter(|_| draw.from_pages).unwrap_or(range.faintest_lx) as f32,
-                brightest_lx: match draw.from_pages {
-                    true => drawn_lx.map_or(f32::INFINITY, |lx| lx as f32),
-                    false => range.brightest_lx as f32,
-                },
+                faintest_lx,
+                brightest_lx,
                 item_count: draw.item_count,
                 items_per_row,
                 camera: plan.views.camera_pc.as_vec3().to_array(),
                 camera_motion: plan.views.motion.map(encode_motion).unwrap_or_default(),
                 air: AirAbove::from_sky(plan.air.sky.as_deref()),
+                caps: Caps::edges(caps.filter(|_| draw.kind == StarKind::Caps)),
+                ..Default::default()
             };
             let parameters = gpu.frame_uniform("star parameters", &parameters);
             let colours = [(5, self.colours.as_entire_binding())];
