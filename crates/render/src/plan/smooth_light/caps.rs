@@ -16,7 +16,7 @@ use crate::{
 
 /// Width of the narrowest pixels that read the map, relative to those at the equator. With a smaller width, fewer stars would be in a cap, but the map
 /// could hold only fainter ones.
-const LEAST_WIDTH: f64 = 0.3;
+const LEAST_WIDTH: f64 = 0.36;
 /// Rows of pixels over which a star's share changes from 1 to 0.
 const SHARED_ROWS: f64 = 8.0;
 /// Greatest ratio of the sides of a pixel at the equator.
@@ -64,7 +64,8 @@ fn outer_edge(viewports: &[Viewport]) -> Option<f64> {
     Some(latitude_rad.max(0.0).cos())
 }
 
-fn is_whole_sky(viewport: &Viewport) -> bool {
+/// Whether a viewport is a whole-sky map.
+pub(super) fn is_whole_sky(viewport: &Viewport) -> bool {
     matches!(viewport.projection, Projection::Equirectangular(_))
 }
 

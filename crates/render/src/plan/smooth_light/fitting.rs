@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     PICTURES_AT_ONCE, SkyLayout, SkyMap,
-    caps::{is_square, smallest_read_sr},
+    caps::{is_square, is_whole_sky, smallest_read_sr},
     pieces::{PIECE_SIDE, PieceGrid, SIZES_PER_OCTAVE, WantedPicture},
     words_needed,
 };
@@ -43,6 +43,8 @@ pub(super) struct Texels {
 
 /// Texels for stars that exact images draw with the tent.
 pub(super) const OF_TENT: Texels = Texels { side_px: 0.632, blur: [0.0; 2], error: 1.0 };
+/// The same for whole-sky maps, a compromise between their square pixels at the equator and their narrow ones (tests/gpu/display_poses.rs).
+const OF_WHOLE_SKY: Texels = Texels { side_px: 0.56, ..OF_TENT };
 /// Texels of pictures of the whole sky for a deep store, whose faint stars exact images draw with the B-spline. Measured with
 /// `benches/deep_patches.rs`.
 const OF_DEEP: Texels = Texels { side_px: 0.65, ..OF_TENT };
@@ -56,6 +58,8 @@ const OF_DEEP_PIECES: [Texels; 2] =
 pub(in crate::plan) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map, divided by the solid angle of the smallest pixel, in steps of the display image.
 pub(super) const BRIGHTEST_STEPS: f64 = 1.8;
+/// The same for whole-sky maps: the light of a star is spread over several narrow pixels.
+const BRIGHTEST_STEPS_OF_WHOLE_SKY: f64 = 1.5;
 /// The same for the central pixel, for a deep store: the errors of several such stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
 const BRIGHTEST_STEPS_AT_CENTRE: f64 = 0.8;
 /// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
@@ -93,8 +97,16 @@ fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
 pub(super) fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     let (deep, limits) = (&inputs.stars.deep, inputs.limits);
     let smallest_sr = smallest_sr(inputs.viewports);
-    let brightest_steps = if deep.is_some() { steps_of_deep(inputs.viewports, smallest_sr) } else { BRIGHTEST_STEPS };
-    let of_whole = if deep.is_some() { OF_DEEP } else { OF_TENT };
+    let brightest_steps = match deep {
+        Some(_) => steps_of_deep(inputs.viewports, smallest_sr),
+        None if inputs.viewports.iter().any(is_whole_sky) => BRIGHTEST_STEPS_OF_WHOLE_SKY,
+        None => BRIGHTEST_STEPS,
+    };
+    let of_whole = match deep {
+        Some(_) => OF_DEEP,
+        None if inputs.viewports.iter().any(is_whole_sky) => OF_WHOLE_SKY,
+        None => OF_TENT,
+    };
     let below_lx = brightest_steps * inputs.step_cd_m2 * smallest_sr;
     let whole = finest_pixel_rad(inputs.viewports, SkyKind::Whole);
     let whole = whole.map(|rad| SkyPictures::of_texels(of_whole.side_px * rad)).filter(|whole| {
