@@ -35,22 +35,24 @@ struct Differences {
     across: vec4<f32>,
 }
 
-// `first`: index of the first point of a part. The points of the part are `stride` entries apart.
-fn differences_at(first: u32, point: u32, columns: u32, stride: u32) -> Differences {
+// `first`: index of the first point of a part. The points of the part are `stride` entries apart. Software drivers compile each read of a point for a
+// long time, so the four neighbours are read in a loop.
+fn differences_at(viewport: Viewport, first: u32, point: u32, columns: u32, stride: u32) -> Differences {
     let own = first + stride * point;
-    let centre = 2.0 * grid_points[own];
-    return Differences(
-        grid_points[own - stride] + grid_points[own + stride] - centre,
-        grid_points[own - stride * columns] + grid_points[own + stride * columns] - centre);
+    let centre = grid_points[own];
+    var found = Differences(-2.0 * centre, -2.0 * centre);
+    for (var i = 0; i < turns(viewport, 4); i++) {
+        let offset = select(stride, stride * columns, i >= 2);
+        let neighbour = grid_points[select(own - offset, own + offset, (i & 1) == 1)];
+        found.along += select(vec4(0.0), neighbour, i < 2);
+        found.across += select(vec4(0.0), neighbour, i >= 2);
+    }
+    return found;
 }
 
 // Returns the error of interpolation: an eighth of each second difference.
 fn error_of(differences: Differences) -> vec4<f32> {
     return 0.125 * (abs(differences.along) + abs(differences.across));
-}
-
-fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
-    return error_of(differences_at(first, point, columns, stride));
 }
 
 // Whether the image is a display image, whose errors are codes.
@@ -78,77 +80,104 @@ fn inner_point(grid: PlainGrid, block: vec2<u32>, i: u32) -> u32 {
     return place.y * grid.columns + place.x;
 }
 
-// Whether the light that bodies scatter can be interpolated over a block.
-fn is_glare_smooth(grid: PlainGrid, viewport: Viewport, block: vec2<u32>) -> bool {
-    var is_smooth = true;
-    for (var i = 0; i < turns(viewport, 2); i++) {
-        let point = inner_point(grid, block, u32(i));
-        let error = error_at(grid.near, point, grid.columns, 1u);
-        is_smooth = is_smooth && !is_visible(viewport, grid_points[grid.first + point].xyz, error.xyz);
-    }
-    return is_smooth;
-}
-
-// Whether light can be interpolated around a point of a block.
+// What interpolation would change around a point.
 struct Judgement {
-    // Whether interpolation is not accurate enough.
+    // Whether the light, or the place in a picture of the sky, changes too much.
     is_mixed: bool,
     // Whether this is because of the light of the air.
     is_steep: bool,
+    // Whether the light that bodies scatter changes too much.
+    has_rough_glare: bool,
     // Number of times that the spacing is halved until the rough part of diffuse light is smooth.
     halvings: u32,
     // Whether all neighbours are in the same picture of the sky, so that the error of places in it is known.
     has_place: bool,
 }
 
+// What is judged around a point, in this order.
+const ROUGH_LIGHT: u32 = 0u;
+const ALL_LIGHT: u32 = 1u;
+const AIR: u32 = 2u;
+const GLARE: u32 = 3u;
+const PLACE: u32 = 4u;
+const PASSED: u32 = 5u;
+const PARTS: i32 = 6;
+
 // Whether pixels read a map of the sky if the spacing is halved this often.
 fn reads_place(halvings: u32) -> bool {
     return halvings > 0u || parameters.reads_faint_map != 0u;
 }
 
-fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings: u32) -> Judgement {
-    var found = Judgement(false, false, least_halvings, false);
+// Returns the first point of a part, or NO_POINTS if the part is not judged.
+fn points_of_part(grid: PlainGrid, part: u32, found: Judgement) -> u32 {
+    switch part {
+        case ROUGH_LIGHT: {
+            return grid.rough;
+        }
+        case ALL_LIGHT: {
+            return grid.first;
+        }
+        case AIR: {
+            return select(NO_POINTS, grid.air, found.is_mixed);
+        }
+        case GLARE: {
+            return grid.near;
+        }
+        default: {
+            return select(NO_POINTS, grid.sky + part - PLACE, reads_place(found.halvings));
+        }
+    }
+}
+
+// Judges interpolation around a point. `first_part`: earlier parts are not judged. Software drivers compile a copy of every read of a point and of the
+// encoding for each call, so there is one loop over the parts.
+fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings: u32, first_part: u32) -> Judgement {
+    var found = Judgement(false, false, false, least_halvings, false);
     let own = grid_points[grid.first + point];
-    let of_all = differences_at(grid.first, point, grid.columns, 1u);
-    var error = error_of(of_all);
-    found.is_mixed = !(error.w <= parameters.most_solid_angle_error * own.w);
-    if grid.rough != NO_POINTS {
-        let of_rough = differences_at(grid.rough, point, grid.columns, 1u);
-        let rough_error = error_of(of_rough).xyz;
-        // At half the distance the error is a quarter.
-        while found.halvings < MOST_HALVINGS
-            && is_visible(viewport, own.xyz, rough_error / f32(1u << (2u * found.halvings))) {
-            found.halvings++;
+    var is_out_of_place = false;
+    var of_rough: Differences;
+    let end = u32(turns(viewport, PARTS));
+    var part = first_part;
+    while part < end {
+        let first = points_of_part(grid, part, found);
+        if first == NO_POINTS {
+            part++;
+            continue;
         }
-        if found.halvings > 0u {
-            // The rest of the light.
-            error = error_of(Differences(of_all.along - of_rough.along, of_all.across - of_rough.across));
+        let stride = select(1u, 2u, part >= PLACE);
+        var differences = differences_at(viewport, first, point, grid.columns, stride);
+        if part == ROUGH_LIGHT {
+            of_rough = Differences(vec4(differences.along.xyz, 0.0), vec4(differences.across.xyz, 0.0));
         }
-    }
-    if reads_place(found.halvings) {
-        let of_place = error_at(grid.sky, point, grid.columns, 2u);
-        let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
-        // If a neighbour is in another picture, the error of positions in this one is unknown.
-        if of_place.z == 0.0 {
-            found.has_place = true;
-            found.is_mixed = found.is_mixed || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR);
+        if part == ALL_LIGHT && found.halvings > 0u {
+            // The rough part is read from its map, so only the rest is interpolated.
+            differences = Differences(differences.along - of_rough.along, differences.across - of_rough.across);
         }
-        found.is_mixed = found.is_mixed || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
-    }
-    // First judge the error of all light. If it is visible, also judge the error of the light of the air.
-    var asked = error.xyz;
-    for (var part = 0; part < turns(viewport, 2); part++) {
-        let is_seen = is_visible(viewport, own.xyz, asked);
-        if part == 0 {
-            found.is_mixed = found.is_mixed || is_seen;
+        let error = error_of(differences);
+        if part == PLACE {
+            // If a neighbour is in another picture, the error of positions in this one is unknown.
+            found.has_place = error.z == 0.0;
+            is_out_of_place = is_out_of_place || (found.has_place && !(max(error.x, error.y) <= MOST_PLACE_ERROR));
+        } else if part == PASSED {
+            is_out_of_place = is_out_of_place || !(max(error.x, max(error.y, error.z)) <= MOST_PASSED_ERROR);
         } else {
-            found.is_steep = is_seen;
+            // At half the distance the error is a quarter.
+            let halvings = select(0u, found.halvings, part == ROUGH_LIGHT);
+            let is_seen = is_visible(viewport, own.xyz, error.xyz / f32(1u << (2u * halvings)));
+            if part == ROUGH_LIGHT && is_seen && halvings < MOST_HALVINGS {
+                found.halvings++;
+                continue;
+            }
+            if part == ALL_LIGHT {
+                found.is_mixed = is_seen;
+                is_out_of_place = !(error.w <= parameters.most_solid_angle_error * own.w);
+            }
+            found.is_steep = found.is_steep || (part == AIR && is_seen);
+            found.has_rough_glare = found.has_rough_glare || (part == GLARE && is_seen);
         }
-        if !is_seen || grid.air == NO_POINTS {
-            break;
-        }
-        asked = error_at(grid.air, point, grid.columns, 1u).xyz;
+        part++;
     }
+    found.is_mixed = found.is_mixed || is_out_of_place;
     return found;
 }
 
@@ -230,25 +259,26 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    if is_mixed || is_beside {
-        // The air near the horizon is steep.
-        is_mixed = true;
-        is_steep = true;
-    } else {
-        // Judge two opposite corners. Positions are valid if the neighbours of at least one of them are in the same picture.
-        var has_place = false;
-        for (var i = 0; i < turns(viewport, 2); i++) {
-            let found = judgement_at(grid, viewport, inner_point(grid, id.xy, u32(i)), halvings);
-            is_mixed = is_mixed || found.is_mixed;
-            is_steep = is_steep || found.is_steep;
-            halvings = found.halvings;
-            has_place = has_place || found.has_place;
-        }
-        is_mixed = is_mixed || (reads_place(halvings) && (is_edge || !has_place));
+    // Judge two opposite corners. Of a block that is mixed already, only the light that bodies scatter is judged. Positions are valid if the neighbours
+    // of at least one corner are in the same picture.
+    let judges_all = !(is_mixed || is_beside);
+    let first_part = select(GLARE, ROUGH_LIGHT, judges_all);
+    var has_place = false;
+    var has_rough_glare = is_beside;
+    for (var i = 0; i < turns(viewport, 2); i++) {
+        let found = judgement_at(grid, viewport, inner_point(grid, id.xy, u32(i)), halvings, first_part);
+        is_mixed = is_mixed || found.is_mixed;
+        is_steep = is_steep || found.is_steep;
+        halvings = found.halvings;
+        has_place = has_place || found.has_place;
+        has_rough_glare = has_rough_glare || found.has_rough_glare;
     }
+    // The air near the horizon is steep.
+    is_steep = is_steep || !judges_all;
+    is_mixed = is_mixed || is_beside || (reads_place(halvings) && (is_edge || !has_place));
     var flags = select(0u, BLOCK_IS_MIXED, is_mixed) | select(0u, BLOCK_HAS_STEEP_AIR, is_steep)
         | (halvings << BLOCK_HALVINGS_SHIFT);
-    if is_mixed && !is_beside && grid.near != NO_POINTS && is_glare_smooth(grid, viewport, id.xy) {
+    if is_mixed && grid.near != NO_POINTS && !has_rough_glare {
         flags |= BLOCK_HAS_SMOOTH_GLARE;
     }
     counters[flag] = flags;

@@ -10,6 +10,9 @@
 #import shared/projection
 #import shared/viewport
 
+// Whether the brightest stars are Gaussians that are round in view space; otherwise they are Gaussians on the image plane.
+override ROUND_KERNEL: bool = false;
+
 // The image of a point of light.
 struct Image {
     // View axes, any length.
@@ -201,10 +204,10 @@ fn splat(tile: Tile, viewport: Viewport, image: Image, colour: vec3<f32>, scale:
     let size = vec2<i32>(viewport.size);
     let threshold = rounding_threshold(number);
     if peak >= viewport.gaussian_from_cd_m2 {
-        if viewport.gaussian_on_plane != 0u {
-            splat_plane(tile, viewport, image.direction, pixel, gaussian_part(viewport, peak), colour * scale, threshold);
-        } else {
+        if ROUND_KERNEL {
             splat_round(tile, viewport, image, colour * scale, threshold);
+        } else {
+            splat_plane(tile, viewport, image.direction, pixel, gaussian_part(viewport, peak), colour * scale, threshold);
         }
         return;
     }

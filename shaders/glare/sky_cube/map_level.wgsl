@@ -40,7 +40,9 @@ fn sum_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
             }
         }
     }
-    for (var i = 0u; i < min(4u, row_points - points.first.y); i++) {
+    // Software drivers would unroll a loop of at most four iterations, and compile four copies for seconds. `n` is never 0.
+    let end = select(min(4u, row_points - points.first.y), 0u, n == 0u);
+    for (var i = 0u; i < end; i++) {
         let own = index_of(n, points, i);
         let before = light_before(own, vec3(points.x[i], points.y[i], points.z[i]));
         summed[own] = vec4(before + vec3(red[i], green[i], blue[i]), 0.0);

@@ -39,11 +39,10 @@ gpu_structs! {
         gaussian_sigma_px: f32,
         /// Greatest distance beyond a border from which a star's Gaussian reaches into the picture, pixels.
         gaussian_reach_px: f32,
-        /// 1: the Gaussian lies on the image plane, blended with the B-spline. 0: it is round in view space.
-        gaussian_on_plane: u32,
         /// Omni-directional stereo: radius of the circle on which the eye moves with the direction of sight, m; positive for the right
         /// eye. 0: the eye does not move.
         viewing_circle_m: f32,
+        unused_0: u32,
     }
     /// A run of rows of a viewport.
     struct Tile {

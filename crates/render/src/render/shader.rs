@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use super::{constants, struct_layouts, tabulated};
 use crate::gpu::{Choices, Gpu, Joined, Library, ShaderError, ShaderSource, read_folder};
-use crate::plan::tables::TableForm;
+use crate::plan::{settings::StarMethod, tables::TableForm};
 
 include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
 
@@ -116,6 +116,11 @@ impl Shader {
 /// Returns the overridable constant that keeps short loops as loops on software drivers, which need seconds to compile unrolled loops.
 pub(crate) fn rolled_loops(gpu: &Gpu) -> (&'static str, f64) {
     ("ROLLED", f64::from(u8::from(gpu.software)))
+}
+
+/// Returns the overridable constant that selects the brightest kernel of splatted light.
+pub(crate) fn kernel_constant(method: StarMethod) -> (&'static str, f64) {
+    ("ROUND_KERNEL", f64::from(u8::from(method.has_round_kernel())))
 }
 
 /// Returns the workgroup size that depends on the adapter. On a GPU it is one or two waves. A software driver runs a workgroup as a loop of SIMD

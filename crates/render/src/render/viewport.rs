@@ -47,7 +47,6 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         gaussian_from_cd_m2: finite_f32(kernels.gaussian_from_cd_m2),
         gaussian_sigma_rad: width.map_or(0.0, |width| width.sigma_rad as f32),
         gaussian_sigma_px: width.map_or(0.0, |width| width.sigma_px as f32),
-        gaussian_on_plane: u32::from(width.is_none()),
         gaussian_reach_px: kernels.gaussian_reach_px as f32,
         view: viewport.view as u32,
         viewing_circle_m: viewport.viewing_circle_m as f32,

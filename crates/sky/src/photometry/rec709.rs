@@ -21,6 +21,7 @@ pub const XYZ_FROM_REC709: [[f64; 3]; 3] = xyz_from_rec709_matrix();
 pub const REC709_FROM_XYZ: [[f64; 3]; 3] = inverse(&XYZ_FROM_REC709);
 
 /// Luminance Y of linear RGB, in the unit of its channels.
+#[inline]
 pub fn luminance(rgb: [f64; 3]) -> f64 {
     LUMINANCE_WEIGHTS[0] * rgb[0] + LUMINANCE_WEIGHTS[1] * rgb[1] + LUMINANCE_WEIGHTS[2] * rgb[2]
 }

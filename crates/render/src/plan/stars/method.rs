@@ -113,6 +113,11 @@ named!(StarMethod {
 });
 
 impl StarMethod {
+    /// Whether its brightest kernel is a Gaussian that is round in view space.
+    pub fn has_round_kernel(self) -> bool {
+        self == Self::PixelGaussian
+    }
+
     /// Publication of the method.
     pub fn source(self) -> MethodSource {
         match self {

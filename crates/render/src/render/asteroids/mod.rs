@@ -51,7 +51,7 @@ use crate::{
             frame::ENTRY_BYTES,
             kinds::{MAX_FIELDS, MAX_PLANES},
         },
-        settings::{AsteroidSettings, ImpostorMethod},
+        settings::{AsteroidSettings, ImpostorMethod, StarMethod},
         stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
     },
     scene::SceneObjects,
@@ -85,7 +85,8 @@ pub struct AsteroidCounts {
 struct Passes {
     cull: OnceLock<AsteroidCullPass>,
     mesh: OnceLock<AsteroidMeshPass>,
-    points: Variants<(), AsteroidPointPass>,
+    /// Without and with a round kernel.
+    points: Variants<bool, AsteroidPointPass>,
     impostors: Variants<ImpostorMethod, Option<AsteroidImpostorPass>>,
     splats: OnceLock<AsteroidSplatPass>,
     layout: OnceLock<wgpu::BindGroupLayout>,
@@ -115,8 +116,8 @@ impl Passes {
         self.mesh.get_or_init(|| AsteroidMeshPass::new(gpu, self.layout(gpu)))
     }
 
-    fn points(&self, gpu: &Gpu) -> AsteroidPointPass {
-        self.points.get((), || AsteroidPointPass::make(gpu)())
+    fn points(&self, gpu: &Gpu, method: StarMethod) -> AsteroidPointPass {
+        self.points.get(method.has_round_kernel(), || AsteroidPointPass::make(gpu, method)())
     }
 
     fn splats(&self, gpu: &Gpu) -> &AsteroidSplatPass {
@@ -311,7 +312,7 @@ impl Asteroids {
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         plan: &AsteroidPlan,
-        range: &FixedPoint,
+        (method, range): (StarMethod, &FixedPoint),
         sums: &Sums<'_>,
         (tiles, first_drawn): (u32, u32),
     ) {
@@ -326,7 +327,7 @@ impl Asteroids {
             tables: &held.tables,
             first_drawn,
         };
-        self.passes.points(gpu).record(gpu, pass, range, sums, tiles, &points);
+        self.passes.points(gpu, method).record(gpu, pass, range, sums, tiles, &points);
     }
 
     /// Records the copy of the counts into the readback buffer.
@@ -356,11 +357,15 @@ impl Technique for Asteroids {
         if wish.objects.fields.is_empty() {
             return Vec::new();
         }
+        let kernel = forecast.methods.stars;
         let mut jobs = vec![
             PipelineJob::new("asteroids", move || {
                 passes.mesh(gpu);
             }),
-            PipelineJob::beside("asteroid points", passes.points.job((), AsteroidPointPass::make(gpu))),
+            PipelineJob::beside(
+                "asteroid points",
+                passes.points.job(kernel.has_round_kernel(), AsteroidPointPass::make(gpu, kernel)),
+            ),
         ];
         if forecast.culls_on_gpu {
             jobs.push(PipelineJob::new("asteroid culling", move || {
@@ -408,7 +413,8 @@ impl Technique for Asteroids {
                 let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
                 let tiles = frame.plan.views.batches[batch].tiles.len() as u32;
                 let numbers = (tiles, recording.targets.first_point_counter());
-                self.record_points(gpu, &mut pass, plan, &frame.plan.stars.ranges.main, &sums, numbers);
+                let stars = &frame.plan.stars;
+                self.record_points(gpu, &mut pass, plan, (stars.method, &stars.ranges.main), &sums, numbers);
             }
             Phase::Count => {
                 let Recording { encoder, readback, places, targets, .. } = recording;

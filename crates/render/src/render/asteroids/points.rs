@@ -4,10 +4,10 @@
 
 use crate::{
     gpu::{Gpu, bind_in_order, dispatch_rows},
-    plan::stars::range::FixedPoint,
+    plan::{settings::StarMethod, stars::range::FixedPoint},
     render::{
         asteroids::layout,
-        shader::{rolled_loops, workgroup_constant},
+        shader::{kernel_constant, rolled_loops, workgroup_constant},
         targets::{Sums, bind_occlusion, bind_sums, splatting_shader},
     },
 };
@@ -33,9 +33,9 @@ pub(crate) struct AsteroidPoints<'a> {
 }
 
 impl AsteroidPointPass {
-    /// Returns a function that creates the pass.
-    pub(crate) fn make(gpu: &Gpu) -> impl FnOnce() -> Self + Send + 'static {
-        let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
+    /// Returns a function that creates the pass for a method of drawing stars, whose kernels it uses.
+    pub(crate) fn make(gpu: &Gpu, method: StarMethod) -> impl FnOnce() -> Self + Send + 'static {
+        let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", 1.0), kernel_constant(method), rolled_loops(gpu)];
         let (pipelines, shader) = (gpu.compute_pipelines(), splatting_shader(gpu, "asteroids/points"));
         move || Self { pipeline: pipelines.create(&shader.source(), &constants) }
     }

@@ -25,13 +25,14 @@ use crate::render::constants::{
     reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
 };
 use crate::{
-    gpu::{Gpu, GrowingBuffer, storage_buffer},
+    gpu::{Gpu, GrowingBuffer, Variants, storage_buffer},
     plan::{
         bodies::{
             blocks::{all_blocks, reached_blocks},
             seen::{Around, BodyDisc, DiscSun, PointSource},
             textures::distinct_textures,
         },
+        settings::StarMethod,
         stars::range::FixedPoint,
         tiles::{BYTES_PER_PIXEL, Tile},
     },
@@ -45,7 +46,8 @@ use crate::{
 /// Lazily created passes, and buffers.
 pub(super) struct Bodies {
     rays: OnceLock<GeometryPass>,
-    points: OnceLock<PointPass>,
+    /// Passes without and with a round kernel.
+    points: Variants<bool, PointPass>,
     /// Visible surfaces of the pixels of each batch.
     batches: Vec<GrowingBuffer>,
     view_bodies: GrowingBuffer,
@@ -131,7 +133,7 @@ impl Bodies {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         Self {
             rays: OnceLock::new(),
-            points: OnceLock::new(),
+            points: Variants::new(),
             batches: Vec::new(),
             view_bodies: GrowingBuffer::new("view bodies", usage),
             body_runs: GrowingBuffer::for_list("body runs"),
@@ -147,8 +149,8 @@ impl Bodies {
         self.rays.get_or_init(|| GeometryPass::new(gpu))
     }
 
-    fn points(&self, gpu: &Gpu) -> &PointPass {
-        self.points.get_or_init(|| PointPass::new(gpu))
+    fn points(&self, gpu: &Gpu, method: StarMethod) -> PointPass {
+        self.points.get(method.has_round_kernel(), || PointPass::new(gpu, method))
     }
 
     /// Uploads the textures of a scene, unless they are already on the adapter.
@@ -216,7 +218,7 @@ impl Bodies {
         let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
         for (range, bright) in [(Some(main), false), (ranges.bright, true)] {
             let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
-            let pass = self.points(gpu);
+            let pass = self.points(gpu, recording.frame.plan.stars.method);
             let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
             let mut recorded = begin_pass(recording.encoder, recording.timer, "stars");
             pass.record(gpu, &mut recorded, &range, &sums, points);
@@ -249,8 +251,9 @@ impl Technique for Bodies {
                 jobs.push(PipelineJob::beside("crossing limbs", rays.crossed_job(gpu, has_circle)));
             }
         }
+        let method = wish.forecast.methods.stars;
         jobs.push(PipelineJob::new("points of light", move || {
-            self.points(gpu);
+            self.points(gpu, method);
         }));
         jobs
     }

@@ -5,22 +5,24 @@
 use crate::render::constants::workgroups::POINT_THREADS;
 use crate::{
     gpu::{Gpu, bind_buffers, dispatch_rows},
-    plan::stars::range::FixedPoint,
+    plan::{settings::StarMethod, stars::range::FixedPoint},
     render::{
         bodies::layout,
-        shader::rolled_loops,
+        shader::{kernel_constant, rolled_loops},
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
 
 /// Pipeline of the point pass.
+#[derive(Clone)]
 pub(crate) struct PointPass {
     pipeline: wgpu::ComputePipeline,
 }
 
 impl PointPass {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
-        let constants = [("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
+    /// Creates the pass for a method of drawing stars, whose kernels it uses.
+    pub(crate) fn new(gpu: &Gpu, method: StarMethod) -> Self {
+        let constants = [("HAS_GEOMETRY", 1.0), kernel_constant(method), rolled_loops(gpu)];
         Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "bodies/points"), &constants) }
     }
 

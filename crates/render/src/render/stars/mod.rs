@@ -161,7 +161,7 @@ impl Technique for Stars {
         match method.accumulator() {
             Accumulator::FixedPoint if !method.draws_catalogue() => Vec::new(),
             Accumulator::FixedPoint => {
-                vec![PipelineJob::new("stars", move || self.splat.pipeline(gpu, has_geometry, false))]
+                vec![PipelineJob::new("stars", move || self.splat.pipeline(gpu, method, has_geometry, false))]
             }
             Accumulator::PackedCompareExchange => {
                 vec![PipelineJob::new("stars", move || self.packed.prepare(gpu, method.reads_catalogue()))]

@@ -7,6 +7,7 @@ use crate::{
     photometry::blackbody::ln_luminance_cd_m2,
     plan::{
         Plan, SmoothLightPlan,
+        settings::StarMethod,
         smooth_light::caps::Caps,
         stars::{
             range::FixedPoint,
@@ -16,7 +17,7 @@ use crate::{
     relativity::Motion,
     render::{
         layout::AirAbove,
-        shader::{rolled_loops, workgroup_constant},
+        shader::{kernel_constant, rolled_loops, workgroup_constant},
         stars::layout,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
@@ -24,8 +25,8 @@ use crate::{
 
 /// Pipelines and colour table of the star pass.
 pub(crate) struct StarPass {
-    /// Pipelines with and without the occlusion test, for chunks and for pages.
-    pipelines: Variants<[bool; 2], wgpu::ComputePipeline>,
+    /// Pipelines with and without the occlusion test, for chunks and for pages, and with and without a round kernel.
+    pipelines: Variants<[bool; 3], wgpu::ComputePipeline>,
     colours: wgpu::Buffer,
 }
 
@@ -52,13 +53,14 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
     }
 }
 
-/// Creates the pipeline with or without the occlusion test, for stars of chunks or of pages.
-fn star_pipeline(gpu: &Gpu, has_geometry: bool, from_pages: bool) -> wgpu::ComputePipeline {
+/// Creates the pipeline of a method with or without the occlusion test, for stars of chunks or of pages.
+fn star_pipeline(gpu: &Gpu, method: StarMethod, has_geometry: bool, from_pages: bool) -> wgpu::ComputePipeline {
     let flag = |name: &'static str, value: bool| (name, f64::from(u8::from(value)));
     let constants = [
         workgroup_constant(gpu),
         flag("HAS_GEOMETRY", has_geometry),
         flag("FROM_PAGES", from_pages),
+        kernel_constant(method),
         rolled_loops(gpu),
     ];
     gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
@@ -69,9 +71,16 @@ impl StarPass {
         Self { pipelines: Variants::new(), colours: gpu::storage_buffer(gpu, "star colours", &colour_table()) }
     }
 
-    /// Returns the pipeline with or without the occlusion test, for stars of chunks or of pages.
-    pub(crate) fn pipeline(&self, gpu: &Gpu, has_geometry: bool, from_pages: bool) -> wgpu::ComputePipeline {
-        self.pipelines.get([has_geometry, from_pages], || star_pipeline(gpu, has_geometry, from_pages))
+    /// Returns the pipeline of a method with or without the occlusion test, for stars of chunks or of pages.
+    pub(crate) fn pipeline(
+        &self,
+        gpu: &Gpu,
+        method: StarMethod,
+        has_geometry: bool,
+        from_pages: bool,
+    ) -> wgpu::ComputePipeline {
+        let key = [has_geometry, from_pages, method.has_round_kernel()];
+        self.pipelines.get(key, || star_pipeline(gpu, method, has_geometry, from_pages))
     }
 
     /// Returns the colours with luminance 1 for every temperature step.
@@ -101,7 +110,7 @@ impl StarPass {
         // Stars of pages and of caps are too faint for the separate sums of bright ones.
         for draw in draws.iter().filter(|draw| draw.kind == StarKind::Chunks || !is_bright) {
             let from_pages = draw.kind == StarKind::Pages;
-            let pipeline = &self.pipeline(gpu, occlusion.present, from_pages);
+            let pipeline = &self.pipeline(gpu, plan.stars.method, occlusion.present, from_pages);
             if last != Some(from_pages) {
                 last = Some(from_pages);
                 pass.set_pipeline(pipeline);

@@ -151,6 +151,7 @@ impl LuminosityFunction {
     }
 
     /// Returns the stars per cubic parsec with an absolute magnitude below `magnitude` (any real number).
+    #[inline]
     pub fn brighter_than(&self, magnitude: f64) -> f64 {
         let position = (magnitude - BRIGHTEST) * STEPS_PER_MAG as f64;
         if position <= 0.0 {
@@ -166,17 +167,20 @@ impl LuminosityFunction {
 
     /// Light of the stars with an absolute magnitude of at least `magnitude` (any real number), linear Rec. 709 per
     /// pc^3. A luminance of 1 is one star of absolute magnitude 0.
+    #[inline]
     pub fn light_fainter_than(&self, magnitude: f64) -> [f64; 3] {
         let position = ((magnitude - BRIGHTEST) * STEPS_PER_MAG as f64).max(0.0);
         let step = position as usize;
         if step >= STEPS {
             return [0.0; 3];
         }
-        let (from, to) = (self.fainter_light[step], self.fainter_light[step + 1]);
-        [0, 1, 2].map(|c| from[c] + (to[c] - from[c]) * (position - step as f64))
+        let ([r, g, b], [to_r, to_g, to_b]) = (self.fainter_light[step], self.fainter_light[step + 1]);
+        let share = position - step as f64;
+        [r + (to_r - r) * share, g + (to_g - g) * share, b + (to_b - b) * share]
     }
 
     /// Inverse of [`brighter_than`](Self::brighter_than): the absolute magnitude with `stars_per_pc3` brighter stars.
+    #[inline]
     pub fn magnitude_at(&self, stars_per_pc3: f64) -> f64 {
         let step = self.cumulative.partition_point(|&c| c <= stars_per_pc3).clamp(1, STEPS) - 1;
         let (below, above) = (self.cumulative[step], self.cumulative[step + 1]);

@@ -45,7 +45,9 @@ pub const FAINTEST_APPARENT_MAGNITUDE: f64 = 20.0;
 
 /// Number of blocks of the sky that are drawn at a time before they are appended to the result. It limits the additional memory to this share of the
 /// result.
-const BLOCKS_AT_ONCE: usize = 8;
+const BLOCKS_AT_ONCE: usize = 24;
+/// Number of adjacent blocks that one task draws. They share the densities between them.
+const BLOCKS_TOGETHER: usize = 2;
 
 /// A synthetic Milky Way whose star counts follow those of the real sky.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -215,9 +217,16 @@ fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Gal
         range.brightest = range.faintest;
         range.faintest = sky.magnitude_with(left_out + aim, FAINTEST_APPARENT_MAGNITUDE);
         for first in (0..BLOCKS).step_by(BLOCKS_AT_ONCE) {
-            let drawn: Vec<Vec<StarRecord>> = (first..(first + BLOCKS_AT_ONCE).min(BLOCKS))
+            let next = (first + BLOCKS_AT_ONCE).min(BLOCKS);
+            let drawn: Vec<Vec<StarRecord>> = (first..next)
                 .into_par_iter()
-                .map(|block| sky.draw_block(block, range, seed, round))
+                .step_by(BLOCKS_TOGETHER)
+                .map(|block| {
+                    let mut stars = Vec::new();
+                    let blocks = block..(block + BLOCKS_TOGETHER).min(next);
+                    sky.draw_blocks(blocks, range, (seed, round), &mut |star| stars.push(star));
+                    stars
+                })
                 .collect();
             for block in drawn {
                 made.extend(block);

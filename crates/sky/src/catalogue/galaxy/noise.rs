@@ -5,6 +5,7 @@
 pub const LATTICE_NOISE_DEVIATION: f64 = 0.1848;
 
 /// Smooth noise of mean 0: random values in -0.5..0.5 on the integer lattice, blended with a cubic ease.
+#[inline]
 pub fn lattice_noise(x: f64, y: f64, z: f64, seed: u64) -> f64 {
     let (ix, fx) = split(x);
     let (iy, fy) = split(y);
@@ -18,6 +19,7 @@ pub fn lattice_noise(x: f64, y: f64, z: f64, seed: u64) -> f64 {
 }
 
 /// Lattice index (wrapped to unsigned) and eased position between it and the next.
+#[inline]
 fn split(x: f64) -> (u64, f64) {
     let floor = x.floor();
     let t = x - floor;
@@ -25,6 +27,7 @@ fn split(x: f64) -> (u64, f64) {
 }
 
 /// Random value in -0.5..0.5 of a lattice point: odd multipliers per axis, then the finaliser of SplitMix64.
+#[inline]
 fn lattice_value(ix: u64, iy: u64, iz: u64, seed: u64) -> f64 {
     let mut h = seed
         ^ ix.wrapping_mul(0x9e37_79b9_7f4a_7c15)

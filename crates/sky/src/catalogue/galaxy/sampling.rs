@@ -20,6 +20,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Poisson};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Number of columns of cells that are drawn together from one random stream.
 const BLOCK_LONGITUDES: usize = 4;
@@ -127,35 +128,29 @@ impl Sky {
         high
     }
 
-    /// Draws the stars of one block of the sky (below [`BLOCKS`]) with apparent magnitudes in `range`. Each `round`
-    /// has its own random stream, so that disjoint ranges can be drawn one after the other.
-    pub fn draw_block(&self, block: usize, range: MagnitudeRange, seed: u64, round: u32) -> Vec<StarRecord> {
-        let mut stars = Vec::new();
-        self.draw_block_into(block, range, (seed, round), &mut |star| stars.push(star));
-        stars
-    }
-
-    /// As [`Self::draw_block`], for blocks that do not fit in memory: passes the stars to `sink` one by one.
-    pub fn draw_block_into(
+    /// Draws the stars of adjacent blocks of the sky (below [`BLOCKS`]) with apparent magnitudes in `range`, and passes them to `sink` one by one. Each
+    /// block and `round` has its own random stream, so that disjoint ranges can be drawn one after the other.
+    pub fn draw_blocks(
         &self,
-        block: usize,
+        blocks: Range<usize>,
         range: MagnitudeRange,
         (seed, round): (u64, u32),
         sink: &mut dyn FnMut(StarRecord),
     ) {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(u64::from(round) << 32 | block as u64);
-        let first = block * BLOCK_LONGITUDES;
-        let mut west = density_plane(first);
-        for longitude in first..first + BLOCK_LONGITUDES {
-            let east = density_plane(longitude + 1);
-            for latitude in 0..LATITUDES {
-                for shell in 0..SHELLS {
-                    let cell = Cell { longitude, latitude, shell };
-                    self.draw_cell(cell, [&west, &east], range, &mut rng, sink);
+        let mut west = density_plane(blocks.start * BLOCK_LONGITUDES);
+        for block in blocks {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(u64::from(round) << 32 | block as u64);
+            for longitude in block * BLOCK_LONGITUDES..(block + 1) * BLOCK_LONGITUDES {
+                let east = density_plane(longitude + 1);
+                for latitude in 0..LATITUDES {
+                    for shell in 0..SHELLS {
+                        let cell = Cell { longitude, latitude, shell };
+                        self.draw_cell(cell, [&west, &east], range, &mut rng, sink);
+                    }
                 }
+                west = east;
             }
-            west = east;
         }
     }
 
@@ -257,7 +252,7 @@ fn block_weighted_volume(sightlines: &Sightlines, block: usize) -> Vec<f64> {
         for latitude in 0..LATITUDES {
             for shell in 0..SHELLS {
                 let cell = Cell { longitude, latitude, shell };
-                let spot = sightlines.spot(cell, [0.5; 3]);
+                let spot = sightlines.middle(cell);
                 let bin = (spot.modulus_mag - MODULUS_FROM) * MODULUS_STEPS_PER_MAG;
                 if bin < 0.0 || bin >= MODULUS_STEPS as f64 {
                     continue;
@@ -314,7 +309,14 @@ mod tests {
         // The second range has its own round, as if the first one had given too few stars. The range is narrower than the depth of a cell.
         for (round, (brightest, faintest)) in (0..).zip([(4.0, 9.5), (9.5, 9.6)]) {
             let range = MagnitudeRange { brightest, faintest };
-            let drawn: usize = (0..BLOCKS).into_par_iter().map(|b| sky.draw_block(b, range, 5, round).len()).sum();
+            let drawn: usize = (0..BLOCKS)
+                .into_par_iter()
+                .map(|block| {
+                    let mut drawn = 0;
+                    sky.draw_blocks(block..block + 1, range, (5, round), &mut |_| drawn += 1);
+                    drawn
+                })
+                .sum();
             let expected = sky.brighter_than(faintest) - sky.brighter_than(brightest);
             // The integral samples only the centre of each cell, so that its error is half a per cent. The tolerance adds five standard deviations of
             // the draw.

@@ -62,6 +62,45 @@ struct Tables {
     distance_pc: Vec<f64>,
     /// Third power of the distance.
     cubed_pc3: Vec<f64>,
+    /// Coordinates of the middles of cells.
+    middle_longitude_sin_cos: Vec<(f64, f64)>,
+    middle_latitudes: Vec<LatitudeInCell>,
+    middle_distances: Vec<DistanceInCell>,
+}
+
+/// A latitude inside a cell.
+#[derive(Clone, Copy)]
+struct LatitudeInCell {
+    sin: f64,
+    /// Fraction of the angle between the southern and the northern edge.
+    fraction: f64,
+}
+
+/// A distance inside a cell.
+#[derive(Clone, Copy)]
+struct DistanceInCell {
+    pc: f64,
+    log10: f64,
+    /// Fraction of the logarithm between the inner and the outer edge.
+    fraction: f64,
+}
+
+fn lerp(a: f64, b: f64, t: f64) -> f64 {
+    a + (b - a) * t
+}
+
+/// The latitude at a fraction of the sine between the edges of a cell, which are sines and latitudes in rad.
+fn latitude_in_cell(sines: [f64; 2], [south, north]: [f64; 2], across: f64) -> LatitudeInCell {
+    let sin = lerp(sines[0], sines[1], across);
+    LatitudeInCell { sin, fraction: ((sin.asin() - south) / (north - south)).clamp(0.0, 1.0) }
+}
+
+/// The distance at a fraction of the volume between the edges of a shell, which are third powers of distances in pc.
+fn distance_in_cell(cubed_pc3: [f64; 2], shell: usize, across: f64) -> DistanceInCell {
+    let pc = lerp(cubed_pc3[0], cubed_pc3[1], across).cbrt();
+    let log10 = pc.log10();
+    let fraction = ((log10 - NEAREST_PC.log10()) / SHELL_LOG10 - shell as f64).clamp(0.0, 1.0);
+    DistanceInCell { pc, log10, fraction }
 }
 
 static TABLES: LazyLock<Tables> = LazyLock::new(|| {
@@ -70,18 +109,31 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
         FRAC_PI_2 * u * (0.35 + 0.65 * u.abs().powf(1.5))
     };
     let distance_pc = |i: usize| NEAREST_PC * 10f64.powf(SHELL_LOG10 * i as f64);
+    let cubed_pc3 = |i: usize| distance_pc(i).powi(3);
+    let middle_latitude = |i: usize| {
+        let edges_rad = [i, i + 1].map(latitude_rad);
+        latitude_in_cell(edges_rad.map(f64::sin), edges_rad, 0.5)
+    };
     Tables {
         longitude_sin_cos: (0..=LONGITUDES).map(|i| longitude_rad(i).sin_cos()).collect(),
         latitude_rad: (0..=LATITUDES).map(latitude_rad).collect(),
         latitude_sin: (0..=LATITUDES).map(|i| latitude_rad(i).sin()).collect(),
         distance_pc: (0..DISTANCES).map(distance_pc).collect(),
-        cubed_pc3: (0..DISTANCES).map(|i| distance_pc(i).powi(3)).collect(),
+        cubed_pc3: (0..DISTANCES).map(cubed_pc3).collect(),
+        middle_longitude_sin_cos: (0..LONGITUDES).map(|i| longitude_in_cell(i, 0.5).sin_cos()).collect(),
+        middle_latitudes: (0..LATITUDES).map(middle_latitude).collect(),
+        middle_distances: (0..SHELLS).map(|i| distance_in_cell([i, i + 1].map(cubed_pc3), i, 0.5)).collect(),
     }
 });
 
 /// Longitude of corner `i`.
 pub fn longitude_rad(i: usize) -> f64 {
     i as f64 * TAU / LONGITUDES as f64
+}
+
+/// Longitude at a fraction of a cell.
+fn longitude_in_cell(longitude: usize, across: f64) -> f64 {
+    lerp(longitude_rad(longitude), longitude_rad(longitude + 1), across)
 }
 
 /// Latitude of corner `i`, from the south pole to the north pole.
@@ -95,22 +147,26 @@ pub fn distance_pc(i: usize) -> f64 {
 }
 
 /// Distance modulus of corner `i`, magnitudes.
+#[inline]
 pub fn distance_modulus_mag(i: usize) -> f64 {
     5.0 * (NEAREST_PC / 10.0).log10() + 5.0 * SHELL_LOG10 * i as f64
 }
 
 /// Index in one plane of constant longitude of the corner at a latitude and distance.
+#[inline]
 pub fn plane_index(latitude: usize, distance: usize) -> usize {
     latitude * DISTANCES + distance
 }
 
 /// Galactic Cartesian vector at polar coordinates; the longitude is given by its sine and cosine.
+#[inline]
 fn from_polar((sin_l, cos_l): (f64, f64), sin_latitude: f64, distance_pc: f64) -> glam::DVec3 {
     let in_plane = distance_pc * (1.0 - sin_latitude * sin_latitude).max(0.0).sqrt();
     glam::DVec3::new(in_plane * cos_l, in_plane * sin_l, distance_pc * sin_latitude)
 }
 
 /// Galactic Cartesian parsecs of the corner at the three indices.
+#[inline]
 pub fn corner_pc(longitude: usize, latitude: usize, distance: usize) -> glam::DVec3 {
     let Tables { longitude_sin_cos, latitude_sin, distance_pc, .. } = &*TABLES;
     from_polar(longitude_sin_cos[longitude], latitude_sin[latitude], distance_pc[distance])
@@ -118,6 +174,7 @@ pub fn corner_pc(longitude: usize, latitude: usize, distance: usize) -> glam::DV
 
 impl Cell {
     /// Volume in cubic parsecs.
+    #[inline]
     pub fn volume_pc3(self) -> f64 {
         let Tables { latitude_sin, cubed_pc3, .. } = &*TABLES;
         let height = latitude_sin[self.latitude + 1] - latitude_sin[self.latitude];
@@ -146,6 +203,7 @@ impl Sightlines {
 
     /// Extinction at the corners of the plane of constant longitude `i` (at most [`LONGITUDES`], which is the same
     /// plane as 0).
+    #[inline]
     pub fn plane(&self, i: usize) -> &[f32] {
         let start = (i % LONGITUDES) * PLANE_CORNERS;
         &self.extinction_mag[start..start + PLANE_CORNERS]
@@ -154,31 +212,45 @@ impl Sightlines {
     /// Returns the position in a cell at the fractions `across` of the longitude, of the sine of the latitude and of the cube of the distance, each
     /// in 0..1. Uniform fractions fill the volume uniformly.
     pub fn spot(&self, cell: Cell, across: [f64; 3]) -> Spot {
-        let (west, east) = (longitude_rad(cell.longitude), longitude_rad(cell.longitude + 1));
-        let (south, north) = (latitude_rad(cell.latitude), latitude_rad(cell.latitude + 1));
-        let Tables { latitude_sin, cubed_pc3, .. } = &*TABLES;
-        let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t;
+        let Tables { latitude_rad, latitude_sin, cubed_pc3, .. } = &*TABLES;
+        let Cell { longitude, latitude, shell } = cell;
+        let edges = |of: &[f64], i: usize| [of[i], of[i + 1]];
+        self.spot_at(
+            cell,
+            (longitude_in_cell(longitude, across[0]).sin_cos(), across[0]),
+            latitude_in_cell(edges(latitude_sin, latitude), edges(latitude_rad, latitude), across[1]),
+            distance_in_cell(edges(cubed_pc3, shell), shell, across[2]),
+        )
+    }
 
-        let longitude = lerp(west, east, across[0]);
-        let sin_latitude = lerp(latitude_sin[cell.latitude], latitude_sin[cell.latitude + 1], across[1]);
-        let distance = lerp(cubed_pc3[cell.shell], cubed_pc3[cell.shell + 1], across[2]).cbrt();
+    /// Returns the middle of a cell, as [`Self::spot`] does for fractions of 0.5.
+    pub fn middle(&self, cell: Cell) -> Spot {
+        let Tables { middle_longitude_sin_cos, middle_latitudes, middle_distances, .. } = &*TABLES;
+        let longitude = (middle_longitude_sin_cos[cell.longitude], 0.5);
+        self.spot_at(cell, longitude, middle_latitudes[cell.latitude], middle_distances[cell.shell])
+    }
 
+    /// Returns a position in a cell. Its longitude is given by the sine and the cosine, and by the fraction of the cell.
+    #[inline]
+    fn spot_at(
+        &self,
+        cell: Cell,
+        (longitude_sin_cos, longitude_fraction): ((f64, f64), f64),
+        latitude: LatitudeInCell,
+        distance: DistanceInCell,
+    ) -> Spot {
         // Linear in longitude, latitude and the logarithm of the distance.
-        let latitude_fraction = ((sin_latitude.asin() - south) / (north - south)).clamp(0.0, 1.0);
-        let distance_log10 = distance.log10();
-        let shell_fraction = ((distance_log10 - NEAREST_PC.log10()) / SHELL_LOG10 - cell.shell as f64).clamp(0.0, 1.0);
         let along = |plane: &[f32], latitude: usize| {
             let index = plane_index(latitude, cell.shell);
-            lerp(f64::from(plane[index]), f64::from(plane[index + 1]), shell_fraction)
+            lerp(f64::from(plane[index]), f64::from(plane[index + 1]), distance.fraction)
         };
         let between =
-            |plane: &[f32]| lerp(along(plane, cell.latitude), along(plane, cell.latitude + 1), latitude_fraction);
-        let extinction_mag =
-            lerp(between(self.plane(cell.longitude)), between(self.plane(cell.longitude + 1)), across[0]);
-
+            |plane: &[f32]| lerp(along(plane, cell.latitude), along(plane, cell.latitude + 1), latitude.fraction);
+        let [west, east] = [cell.longitude, cell.longitude + 1].map(|longitude| between(self.plane(longitude)));
+        let extinction_mag = lerp(west, east, longitude_fraction);
         Spot {
-            position_pc: from_polar(longitude.sin_cos(), sin_latitude, distance),
-            modulus_mag: 5.0 * distance_log10 - 5.0 + extinction_mag,
+            position_pc: from_polar(longitude_sin_cos, latitude.sin, distance.pc),
+            modulus_mag: 5.0 * distance.log10 - 5.0 + extinction_mag,
             extinction_mag,
         }
     }
@@ -198,6 +270,16 @@ mod tests {
         }
         let sphere = 2.0 / 3.0 * TAU * (distance_pc(SHELLS).powi(3) - NEAREST_PC.powi(3));
         assert!((volume / sphere - 1.0).abs() < 1e-12, "{volume} of {sphere}");
+    }
+
+    #[test]
+    fn the_middle_of_a_cell_is_at_half_of_its_coordinates() {
+        let sightlines = Sightlines::new();
+        for cell in [(0, 0, 0), (479, 119, 91), (130, 61, 40)] {
+            let cell = Cell { longitude: cell.0, latitude: cell.1, shell: cell.2 };
+            let (middle, spot) = (sightlines.middle(cell), sightlines.spot(cell, [0.5; 3]));
+            assert_eq!((middle.position_pc, middle.modulus_mag), (spot.position_pc, spot.modulus_mag));
+        }
     }
 
     #[test]

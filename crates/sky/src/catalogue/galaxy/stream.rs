@@ -87,7 +87,7 @@ impl GalaxyStream {
     /// # Errors
     /// The model does not have enough stars for this round.
     pub fn draw(&self, block: usize, round: u32, sink: &mut dyn FnMut(StarRecord)) -> Result<(), GalaxyError> {
-        self.sky.draw_block_into(block, self.range(round)?, (self.seed, round), sink);
+        self.sky.draw_blocks(block..block + 1, self.range(round)?, (self.seed, round), sink);
         Ok(())
     }
 }

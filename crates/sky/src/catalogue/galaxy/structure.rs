@@ -89,12 +89,14 @@ pub struct Place {
 }
 
 /// Density of an exponential disc for the radial and the vertical argument of a position.
+#[inline]
 fn disc([radial_pc, vertical_pc]: [f64; 2], length_pc: f64, height_pc: f64) -> f64 {
     (-radial_pc / length_pc - vertical_pc / height_pc).exp()
 }
 
 impl Place {
     /// Creates the position at galactic Cartesian coordinates in parsecs from the Sun.
+    #[inline]
     pub fn from_sun(x_pc: f64, y_pc: f64, z_pc: f64) -> Self {
         let x = x_pc - SUN_RADIUS_PC;
         Self { x, y: y_pc, height: z_pc + SUN_HEIGHT_PC, radius2: x * x + y_pc * y_pc }
@@ -117,22 +119,28 @@ impl Place {
     }
 
     /// The radial and the vertical argument of a disc.
+    #[inline]
     fn disc_arguments(self) -> [f64; 2] {
         [self.radial_argument(), self.vertical_argument()]
     }
 
     /// Relative densities of all populations, as [`Place::density`] gives them, in the order of [`Population::ALL`].
+    #[inline]
     pub fn densities(self) -> [f64; POPULATIONS] {
         let arguments = self.disc_arguments();
-        Population::ALL.map(|population| self.density_for(population, arguments))
+        let of = |population| self.density_for(population, arguments);
+        let [young, intermediate, old, thick, bulge, halo] = Population::ALL;
+        [of(young), of(intermediate), of(old), of(thick), of(bulge), of(halo)]
     }
 
     /// Relative density of a population (see the documentation of the module).
+    #[inline]
     pub fn density(self, population: Population) -> f64 {
         self.density_for(population, self.disc_arguments())
     }
 
     /// Relative density of a population, if the arguments of the disc are already known.
+    #[inline(always)]
     fn density_for(self, population: Population, arguments: [f64; 2]) -> f64 {
         match population {
             Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {
@@ -153,7 +161,9 @@ impl Place {
         let vertical = self.height / BULGE_AXES_PC[2];
         let in_plane2 = along * along + across * across;
         let vertical2 = vertical * vertical;
-        BULGE_CENTRAL_DENSITY * (-0.5 * (in_plane2 * in_plane2 + vertical2 * vertical2).sqrt()).exp()
+        let exponent = -0.5 * (in_plane2 * in_plane2 + vertical2 * vertical2).sqrt();
+        // Nearly everywhere the exponential is 0, which takes the library long to find out.
+        if exponent < -746.0 { 0.0 } else { BULGE_CENTRAL_DENSITY * exponent.exp() }
     }
 
     fn halo(self) -> f64 {

@@ -16,7 +16,7 @@
 
 use std::{f64::consts::FRAC_1_SQRT_2, sync::LazyLock};
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4, Vec4};
 use rayon::prelude::*;
 
 use super::{
@@ -124,7 +124,9 @@ pub fn unresolved_light(sky: &Sky, fainter_than_mag: f64) -> DiffuseSky {
         let through = lanes(in_galaxy, dust_mag);
         let beyond = neighbours.luminance_cd_m2(towards);
         let own = [r, g, b];
-        [0, 1, 2].map(|c| own[c] * through.powf(REDDENING[c]) + beyond[c])
+        // Far from the band nothing is dimmed.
+        let dimmed = |c: usize| if through == 1.0 { own[c] } else { own[c] * through.powf(REDDENING[c]) };
+        [0, 1, 2].map(|c| dimmed(c) + beyond[c])
     })
 }
 
@@ -292,8 +294,11 @@ fn latitude_index(latitude_rad: f64) -> f64 {
     // The function is convex: Newton's steps that start to the right of the root stay there.
     let mut u: f64 = 1.0;
     for _ in 0..8 {
-        let root = u.sqrt();
+        let (before, root) = (u, u.sqrt());
         u -= (u * (0.35 + 0.65 * u * root) - wanted) / (0.35 + 1.625 * u * root);
+        if u == before {
+            break;
+        }
     }
     0.5 * LATITUDES as f64 * (1.0 + u.copysign(latitude_rad))
 }
@@ -304,21 +309,28 @@ fn spline(nodes: &[[f32; 4]], towards: DVec3) -> [f64; 4] {
     let (l, b) = lon_lat_from_direction(towards);
     let place = DVec2::new(l / longitude_rad(1), latitude_index(b));
     let first = place.floor();
-    let [across, up] = (place - first).to_array().map(|t| {
-        let s = 1.0 - t;
-        [s * s * s, 4.0 - 6.0 * t * t + 3.0 * t * t * t, 4.0 - 6.0 * s * s + 3.0 * s * s * s, t * t * t]
-            .map(|w| w / 6.0)
-    });
-    let mut sum = [0.0; 4];
+    let (across, up) = (spline_weights(place.x - first.x), spline_weights(place.y - first.y));
+    let mut sum = DVec4::ZERO;
     for (i, weight) in across.iter().enumerate() {
         let longitude = (first.x as usize + i + LONGITUDES - 1) % LONGITUDES;
         for (j, other) in up.iter().enumerate() {
             let latitude = (first.y as usize + j).saturating_sub(1).min(LATITUDES);
-            let node = nodes[longitude * ROWS + latitude];
-            sum.iter_mut().zip(node).for_each(|(sum, value)| *sum += weight * other * f64::from(value));
+            sum += weight * other * Vec4::from_array(nodes[longitude * ROWS + latitude]).as_dvec4();
         }
     }
-    sum
+    sum.to_array()
+}
+
+/// Weights of the cubic B-spline at a fraction of the distance between nodes, for the nodes around it.
+#[inline]
+fn spline_weights(t: f64) -> [f64; 4] {
+    let s = 1.0 - t;
+    [
+        s * s * s / 6.0,
+        (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0,
+        (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0,
+        t * t * t / 6.0,
+    ]
 }
 
 /// Relative transmission of the dust filaments, with mean 1, towards a unit vector for this amount of dust.
