@@ -33,6 +33,8 @@
 override WORKGROUP: u32;
 // Whether the stars are those of pages of a deep store.
 override FROM_PAGES: bool;
+// Whether the camera is in air.
+override HAS_AIR: bool;
 
 // Returns the light of a composite star, linear Rec. 709, lx: crates/sky/src/catalogue/deep/composite.rs.
 fn composite_light(word: u32) -> vec3<f32> {
@@ -94,7 +96,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             if !((is_within || is_composite) && distance_squared > 0.0) {
                 continue;
             }
-            if parameters.air.present != 0u {
+            if HAS_AIR {
                 let distance = sqrt(dot(relative, relative));
                 let seen = refracted(parameters.air, relative / distance);
                 relative = seen * distance;

@@ -63,8 +63,12 @@ fn pictures(
     Ok(pictures)
 }
 
-/// Runs jobs on as many threads as there are cores, in order.
-fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send)) {
+/// Names of the jobs that take a software driver longest. They come first, so that no core waits for them at the end.
+const LONGEST: [&str; 5] = ["bodies", "bodies and asteroids", "resolve", "plain blocks", "stars"];
+
+/// Runs jobs on as many threads as there are cores, the longest first.
+fn run(mut jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send)) {
+    jobs.sort_by_key(|job| LONGEST.iter().position(|name| *name == job.name).unwrap_or(LONGEST.len()));
     let total = jobs.len();
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(total);
     let waiting = Mutex::new(jobs.into_iter());

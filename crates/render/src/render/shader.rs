@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use super::{constants, struct_layouts, tabulated};
 use crate::gpu::{Choices, Gpu, Joined, Library, ShaderError, ShaderSource, read_folder};
-use crate::plan::{settings::StarMethod, tables::TableForm};
+use crate::plan::tables::TableForm;
 
 include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
 
@@ -119,8 +119,8 @@ pub(crate) fn rolled_loops(gpu: &Gpu) -> (&'static str, f64) {
 }
 
 /// Returns the overridable constant that selects the brightest kernel of splatted light.
-pub(crate) fn kernel_constant(method: StarMethod) -> (&'static str, f64) {
-    ("ROUND_KERNEL", f64::from(u8::from(method.has_round_kernel())))
+pub(crate) fn kernel_constant(has_round_kernel: bool) -> (&'static str, f64) {
+    ("ROUND_KERNEL", f64::from(u8::from(has_round_kernel)))
 }
 
 /// Returns the workgroup size that depends on the adapter. On a GPU it is one or two waves. A software driver runs a workgroup as a loop of SIMD

@@ -50,6 +50,11 @@ impl SceneObjects {
         self.bodies.is_empty() && self.fields.is_empty() && self.surroundings.is_none()
     }
 
+    /// Whether the observer is in air.
+    pub fn has_air(&self) -> bool {
+        self.surroundings.as_ref().is_some_and(|around| around.air.is_some())
+    }
+
     /// Rotation from the axes of a frame to ICRS axes at the scene's time; `None` for the horizon without an observer.
     pub fn icrs_from(&self, frame: Frame) -> Option<DMat3> {
         frame.icrs_from(self.observer.as_ref(), self.time_s)

@@ -51,7 +51,7 @@ use crate::{
             frame::ENTRY_BYTES,
             kinds::{MAX_FIELDS, MAX_PLANES},
         },
-        settings::{AsteroidSettings, ImpostorMethod, StarMethod},
+        settings::{AsteroidSettings, ImpostorMethod},
         stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
     },
     scene::SceneObjects,
@@ -116,8 +116,8 @@ impl Passes {
         self.mesh.get_or_init(|| AsteroidMeshPass::new(gpu, self.layout(gpu)))
     }
 
-    fn points(&self, gpu: &Gpu, method: StarMethod) -> AsteroidPointPass {
-        self.points.get(method.has_round_kernel(), || AsteroidPointPass::make(gpu, method)())
+    fn points(&self, gpu: &Gpu, has_round_kernel: bool) -> AsteroidPointPass {
+        self.points.get(has_round_kernel, || AsteroidPointPass::make(gpu, has_round_kernel)())
     }
 
     fn splats(&self, gpu: &Gpu) -> &AsteroidSplatPass {
@@ -312,7 +312,7 @@ impl Asteroids {
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         plan: &AsteroidPlan,
-        (method, range): (StarMethod, &FixedPoint),
+        (has_round_kernel, range): (bool, &FixedPoint),
         sums: &Sums<'_>,
         (tiles, first_drawn): (u32, u32),
     ) {
@@ -327,7 +327,7 @@ impl Asteroids {
             tables: &held.tables,
             first_drawn,
         };
-        self.passes.points(gpu, method).record(gpu, pass, range, sums, tiles, &points);
+        self.passes.points(gpu, has_round_kernel).record(gpu, pass, range, sums, tiles, &points);
     }
 
     /// Records the copy of the counts into the readback buffer.
@@ -357,14 +357,14 @@ impl Technique for Asteroids {
         if wish.objects.fields.is_empty() {
             return Vec::new();
         }
-        let kernel = forecast.methods.stars;
+        let has_round_kernel = forecast.methods.stars.has_round_kernel();
         let mut jobs = vec![
             PipelineJob::new("asteroids", move || {
                 passes.mesh(gpu);
             }),
             PipelineJob::beside(
                 "asteroid points",
-                passes.points.job(kernel.has_round_kernel(), AsteroidPointPass::make(gpu, kernel)),
+                passes.points.job(has_round_kernel, AsteroidPointPass::make(gpu, has_round_kernel)),
             ),
         ];
         if forecast.culls_on_gpu {
@@ -414,7 +414,14 @@ impl Technique for Asteroids {
                 let tiles = frame.plan.views.batches[batch].tiles.len() as u32;
                 let numbers = (tiles, recording.targets.first_point_counter());
                 let stars = &frame.plan.stars;
-                self.record_points(gpu, &mut pass, plan, (stars.method, &stars.ranges.main), &sums, numbers);
+                self.record_points(
+                    gpu,
+                    &mut pass,
+                    plan,
+                    (stars.method.has_round_kernel(), &stars.ranges.main),
+                    &sums,
+                    numbers,
+                );
             }
             Phase::Count => {
                 let Recording { encoder, readback, places, targets, .. } = recording;

@@ -4,7 +4,7 @@
 
 use crate::{
     gpu::{Gpu, bind_in_order, dispatch_rows},
-    plan::{settings::StarMethod, stars::range::FixedPoint},
+    plan::stars::range::FixedPoint,
     render::{
         asteroids::layout,
         shader::{kernel_constant, rolled_loops, workgroup_constant},
@@ -33,9 +33,10 @@ pub(crate) struct AsteroidPoints<'a> {
 }
 
 impl AsteroidPointPass {
-    /// Returns a function that creates the pass for a method of drawing stars, whose kernels it uses.
-    pub(crate) fn make(gpu: &Gpu, method: StarMethod) -> impl FnOnce() -> Self + Send + 'static {
-        let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", 1.0), kernel_constant(method), rolled_loops(gpu)];
+    /// Returns a function that creates the pass, with or without the round kernel of stars.
+    pub(crate) fn make(gpu: &Gpu, has_round_kernel: bool) -> impl FnOnce() -> Self + Send + 'static {
+        let constants =
+            [workgroup_constant(gpu), ("HAS_GEOMETRY", 1.0), kernel_constant(has_round_kernel), rolled_loops(gpu)];
         let (pipelines, shader) = (gpu.compute_pipelines(), splatting_shader(gpu, "asteroids/points"));
         move || Self { pipeline: pipelines.create(&shader.source(), &constants) }
     }

@@ -32,7 +32,6 @@ use crate::{
             seen::{Around, BodyDisc, DiscSun, PointSource},
             textures::distinct_textures,
         },
-        settings::StarMethod,
         stars::range::FixedPoint,
         tiles::{BYTES_PER_PIXEL, Tile},
     },
@@ -149,8 +148,8 @@ impl Bodies {
         self.rays.get_or_init(|| GeometryPass::new(gpu))
     }
 
-    fn points(&self, gpu: &Gpu, method: StarMethod) -> PointPass {
-        self.points.get(method.has_round_kernel(), || PointPass::new(gpu, method))
+    fn points(&self, gpu: &Gpu, has_round_kernel: bool) -> PointPass {
+        self.points.get(has_round_kernel, || PointPass::new(gpu, has_round_kernel))
     }
 
     /// Uploads the textures of a scene, unless they are already on the adapter.
@@ -218,7 +217,7 @@ impl Bodies {
         let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
         for (range, bright) in [(Some(main), false), (ranges.bright, true)] {
             let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
-            let pass = self.points(gpu, recording.frame.plan.stars.method);
+            let pass = self.points(gpu, recording.frame.plan.stars.method.has_round_kernel());
             let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
             let mut recorded = begin_pass(recording.encoder, recording.timer, "stars");
             pass.record(gpu, &mut recorded, &range, &sums, points);
@@ -251,9 +250,9 @@ impl Technique for Bodies {
                 jobs.push(PipelineJob::beside("crossing limbs", rays.crossed_job(gpu, has_circle)));
             }
         }
-        let method = wish.forecast.methods.stars;
+        let has_round_kernel = wish.forecast.methods.stars.has_round_kernel();
         jobs.push(PipelineJob::new("points of light", move || {
-            self.points(gpu, method);
+            self.points(gpu, has_round_kernel);
         }));
         jobs
     }

@@ -5,7 +5,7 @@
 use crate::render::constants::workgroups::POINT_THREADS;
 use crate::{
     gpu::{Gpu, bind_buffers, dispatch_rows},
-    plan::{settings::StarMethod, stars::range::FixedPoint},
+    plan::stars::range::FixedPoint,
     render::{
         bodies::layout,
         shader::{kernel_constant, rolled_loops},
@@ -20,9 +20,9 @@ pub(crate) struct PointPass {
 }
 
 impl PointPass {
-    /// Creates the pass for a method of drawing stars, whose kernels it uses.
-    pub(crate) fn new(gpu: &Gpu, method: StarMethod) -> Self {
-        let constants = [("HAS_GEOMETRY", 1.0), kernel_constant(method), rolled_loops(gpu)];
+    /// Creates the pass, with or without the round kernel of stars.
+    pub(crate) fn new(gpu: &Gpu, has_round_kernel: bool) -> Self {
+        let constants = [("HAS_GEOMETRY", 1.0), kernel_constant(has_round_kernel), rolled_loops(gpu)];
         Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "bodies/points"), &constants) }
     }
 

@@ -194,7 +194,7 @@ impl Technique for Display {
             // moving camera.
             let outputs = ResolveOutputs {
                 geometry: !objects.is_empty(),
-                air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),
+                air: objects.has_air(),
                 veil,
                 ..ResolveOutputs::new(hdr_made, resolves_to_display && display).with_short_codes(short)
             };

@@ -22,7 +22,7 @@ use self::{
     items::{ItemBuffers, ItemRun, ItemSource, Items, StarDraw, StarKind, push_chunks, push_pages},
     packed::{Packed, PackedFrame},
     pages::PageBuffers,
-    splat::StarPass,
+    splat::{StarForm, StarPass},
     streamed::StreamedPages,
 };
 use super::{
@@ -161,7 +161,10 @@ impl Technique for Stars {
         match method.accumulator() {
             Accumulator::FixedPoint if !method.draws_catalogue() => Vec::new(),
             Accumulator::FixedPoint => {
-                vec![PipelineJob::new("stars", move || self.splat.pipeline(gpu, method, has_geometry, false))]
+                let has_round_kernel = method.has_round_kernel();
+                let form =
+                    StarForm { has_round_kernel, has_geometry, has_air: wish.objects.has_air(), from_pages: false };
+                vec![PipelineJob::new("stars", move || self.splat.pipeline(gpu, form))]
             }
             Accumulator::PackedCompareExchange => {
                 vec![PipelineJob::new("stars", move || self.packed.prepare(gpu, method.reads_catalogue()))]

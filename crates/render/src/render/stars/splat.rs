@@ -7,7 +7,6 @@ use crate::{
     photometry::blackbody::ln_luminance_cd_m2,
     plan::{
         Plan, SmoothLightPlan,
-        settings::StarMethod,
         smooth_light::caps::Caps,
         stars::{
             range::FixedPoint,
@@ -23,10 +22,22 @@ use crate::{
     },
 };
 
+/// Form of the star pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct StarForm {
+    /// Whether the brightest kernel is round in view space.
+    pub has_round_kernel: bool,
+    /// Whether surfaces may hide stars.
+    pub has_geometry: bool,
+    /// Whether the camera is in air.
+    pub has_air: bool,
+    /// Whether the stars are those of pages of a deep store.
+    pub from_pages: bool,
+}
+
 /// Pipelines and colour table of the star pass.
 pub(crate) struct StarPass {
-    /// Pipelines with and without the occlusion test, for chunks and for pages, and with and without a round kernel.
-    pipelines: Variants<[bool; 3], wgpu::ComputePipeline>,
+    pipelines: Variants<StarForm, wgpu::ComputePipeline>,
     colours: wgpu::Buffer,
 }
 
@@ -53,14 +64,14 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
     }
 }
 
-/// Creates the pipeline of a method with or without the occlusion test, for stars of chunks or of pages.
-fn star_pipeline(gpu: &Gpu, method: StarMethod, has_geometry: bool, from_pages: bool) -> wgpu::ComputePipeline {
+fn star_pipeline(gpu: &Gpu, form: StarForm) -> wgpu::ComputePipeline {
     let flag = |name: &'static str, value: bool| (name, f64::from(u8::from(value)));
     let constants = [
         workgroup_constant(gpu),
-        flag("HAS_GEOMETRY", has_geometry),
-        flag("FROM_PAGES", from_pages),
-        kernel_constant(method),
+        flag("HAS_GEOMETRY", form.has_geometry),
+        flag("HAS_AIR", form.has_air),
+        flag("FROM_PAGES", form.from_pages),
+        kernel_constant(form.has_round_kernel),
         rolled_loops(gpu),
     ];
     gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
@@ -71,16 +82,9 @@ impl StarPass {
         Self { pipelines: Variants::new(), colours: gpu::storage_buffer(gpu, "star colours", &colour_table()) }
     }
 
-    /// Returns the pipeline of a method with or without the occlusion test, for stars of chunks or of pages.
-    pub(crate) fn pipeline(
-        &self,
-        gpu: &Gpu,
-        method: StarMethod,
-        has_geometry: bool,
-        from_pages: bool,
-    ) -> wgpu::ComputePipeline {
-        let key = [has_geometry, from_pages, method.has_round_kernel()];
-        self.pipelines.get(key, || star_pipeline(gpu, method, has_geometry, from_pages))
+    /// Returns the pipeline of a form.
+    pub(crate) fn pipeline(&self, gpu: &Gpu, form: StarForm) -> wgpu::ComputePipeline {
+        self.pipelines.get(form, || star_pipeline(gpu, form))
     }
 
     /// Returns the colours with luminance 1 for every temperature step.
@@ -100,6 +104,7 @@ impl StarPass {
     ) {
         let occlusion = &sums.occlusion;
         let units_per_lx = range.units_per_lx * plan.glare.share_in_sums();
+        let air = AirAbove::from_sky(plan.air.sky.as_deref());
         let mut last = None;
         // Limits for stars of pages: a map that the frame reads contains the stars below `read_lx`; a picture of the map draws the stars below
         // `drawn_lx`.
@@ -110,7 +115,13 @@ impl StarPass {
         // Stars of pages and of caps are too faint for the separate sums of bright ones.
         for draw in draws.iter().filter(|draw| draw.kind == StarKind::Chunks || !is_bright) {
             let from_pages = draw.kind == StarKind::Pages;
-            let pipeline = &self.pipeline(gpu, plan.stars.method, occlusion.present, from_pages);
+            let form = StarForm {
+                has_round_kernel: plan.stars.method.has_round_kernel(),
+                has_geometry: occlusion.present,
+                has_air: air.present != 0,
+                from_pages,
+            };
+            let pipeline = &self.pipeline(gpu, form);
             if last != Some(from_pages) {
                 last = Some(from_pages);
                 pass.set_pipeline(pipeline);
@@ -132,7 +143,7 @@ impl StarPass {
                 items_per_row,
                 camera: plan.views.camera_pc.as_vec3().to_array(),
                 camera_motion: plan.views.motion.map(encode_motion).unwrap_or_default(),
-                air: AirAbove::from_sky(plan.air.sky.as_deref()),
+                air,
                 caps: Caps::edges(caps.filter(|_| draw.kind == StarKind::Caps)),
                 ..Default::default()
             };

@@ -56,7 +56,7 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        bench.asteroids.record_points(&bench.gpu, &mut pass, plan, (StarMethod::Auto, &range), &sums, (1, FIRST_DRAWN));
+        bench.asteroids.record_points(&bench.gpu, &mut pass, plan, (false, &range), &sums, (1, FIRST_DRAWN));
     }
     let values: Vec<Vec<u64>> =
         bench.read(encoder, &[(&low, pixels as usize), (&high, pixels as usize), (&counters, 1)]);
