@@ -195,7 +195,6 @@ impl ResolvePass {
             diffuse: diffuse.map(|diffuse| diffuse.light).unwrap_or_default(),
             air,
             diffuse_is_smooth: u32::from(diffuse.is_some_and(|diffuse| diffuse.smooth.is_some())),
-            ..Default::default()
         };
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);
