@@ -82,7 +82,7 @@ fn inner_point(grid: PlainGrid, block: vec2<u32>, i: u32) -> u32 {
 
 // What interpolation would change around a point.
 struct Judgement {
-    // Whether the light, or the place in a picture of the sky, changes too much.
+    // Whether the light, the solid angle of a pixel or the place in a picture of the sky changes too much.
     is_mixed: bool,
     // Whether this is because of the light of the air.
     is_steep: bool,
@@ -98,9 +98,9 @@ struct Judgement {
 const ROUGH_LIGHT: u32 = 0u;
 const ALL_LIGHT: u32 = 1u;
 const AIR: u32 = 2u;
-const GLARE: u32 = 3u;
-const PLACE: u32 = 4u;
-const PASSED: u32 = 5u;
+const PLACE: u32 = 3u;
+const PASSED: u32 = 4u;
+const GLARE: u32 = 5u;
 const PARTS: i32 = 6;
 
 // Whether pixels read a map of the sky if the spacing is halved this often.
@@ -134,7 +134,7 @@ fn points_of_part(grid: PlainGrid, part: u32, found: Judgement) -> u32 {
 fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings: u32, first_part: u32) -> Judgement {
     var found = Judgement(false, false, false, least_halvings, false);
     let own = grid_points[grid.first + point];
-    var is_out_of_place = false;
+    var is_curved = false;
     var of_rough: Differences;
     let end = u32(turns(viewport, PARTS));
     var part = first_part;
@@ -144,7 +144,7 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
             part++;
             continue;
         }
-        let stride = select(1u, 2u, part >= PLACE);
+        let stride = select(1u, 2u, part == PLACE || part == PASSED);
         var differences = differences_at(viewport, first, point, grid.columns, stride);
         if part == ROUGH_LIGHT {
             of_rough = Differences(vec4(differences.along.xyz, 0.0), vec4(differences.across.xyz, 0.0));
@@ -157,9 +157,9 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
         if part == PLACE {
             // If a neighbour is in another picture, the error of positions in this one is unknown.
             found.has_place = error.z == 0.0;
-            is_out_of_place = is_out_of_place || (found.has_place && !(max(error.x, error.y) <= MOST_PLACE_ERROR));
+            is_curved = is_curved || (found.has_place && !(max(error.x, error.y) <= MOST_PLACE_ERROR));
         } else if part == PASSED {
-            is_out_of_place = is_out_of_place || !(max(error.x, max(error.y, error.z)) <= MOST_PASSED_ERROR);
+            is_curved = is_curved || !(max(error.x, max(error.y, error.z)) <= MOST_PASSED_ERROR);
         } else {
             // At half the distance the error is a quarter.
             let halvings = select(0u, found.halvings, part == ROUGH_LIGHT);
@@ -170,14 +170,14 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
             }
             if part == ALL_LIGHT {
                 found.is_mixed = is_seen;
-                is_out_of_place = !(error.w <= parameters.most_solid_angle_error * own.w);
+                is_curved = !(error.w <= parameters.most_solid_angle_error * own.w);
             }
             found.is_steep = found.is_steep || (part == AIR && is_seen);
             found.has_rough_glare = found.has_rough_glare || (part == GLARE && is_seen);
         }
         part++;
     }
-    found.is_mixed = found.is_mixed || is_out_of_place;
+    found.is_mixed = found.is_mixed || is_curved;
     return found;
 }
 

@@ -29,21 +29,42 @@ pub(crate) fn stand_back() {
 /// wait for it.
 pub(crate) fn on_own_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    in_pool(&POOL, "background", work)
+    in_pool(&POOL, ("background", Priority::Low), work)
 }
 
-/// Runs the encoding of a frame in a separate low-priority thread pool. In the pool of long work, it would wait for a second or more until a thread
-/// has finished a part of that work.
-pub(crate) fn beside_long_work<T: Send>(encoding: impl FnOnce() -> T + Send) -> T {
-    static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    in_pool(&POOL, "encoding", encoding)
+/// Runs the encoding of a frame in a separate thread pool. In the pool of long work, it would wait for a second or more until a thread has finished a
+/// part of that work. Slow encodings have a low priority. Other encodings take a few milliseconds, and a client waits for each of them: with a low
+/// priority they would take as long as the frame that a software driver draws meanwhile.
+pub(crate) fn encode_beside_long_work<T: Send>(is_slow: bool, encoding: impl FnOnce() -> T + Send) -> T {
+    static QUICK: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    static SLOW: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    match is_slow {
+        true => in_pool(&SLOW, ("slow encoding", Priority::Low), encoding),
+        false => in_pool(&QUICK, ("encoding", Priority::Normal), encoding),
+    }
+}
+
+/// Priority of the threads of a pool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Priority {
+    Normal,
+    Low,
 }
 
 /// Runs work in a pool that is started on first use.
-fn in_pool<T: Send>(pool: &OnceLock<Option<ThreadPool>>, name: &'static str, work: impl FnOnce() -> T + Send) -> T {
+fn in_pool<T: Send>(
+    pool: &OnceLock<Option<ThreadPool>>,
+    (name, priority): (&'static str, Priority),
+    work: impl FnOnce() -> T + Send,
+) -> T {
     let pool = pool.get_or_init(|| {
         let thread_name = move |number| format!("{name}-{number}");
-        let pool = ThreadPoolBuilder::new().thread_name(thread_name).start_handler(|_| stand_back()).build();
+        let start = move |_| {
+            if priority == Priority::Low {
+                stand_back();
+            }
+        };
+        let pool = ThreadPoolBuilder::new().thread_name(thread_name).start_handler(start).build();
         pool.inspect_err(|error| {
             tracing::warn!(
                 "cannot start the thread pool `{name}`, so its work uses the threads that plan frames: {error}"

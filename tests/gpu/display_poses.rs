@@ -205,7 +205,7 @@ fn assert_budget(ev100: f64, name: &str, found: &mut Found) {
         let (most, largest) = (found.quantile(place, 0.999).unwrap(), found.quantile(place, 1.0).unwrap());
         assert!(most <= BUDGET && largest <= 4.0 * BUDGET, "{ev100} {name} {}: {most} {largest}", PLACES[place]);
     }
-    // The narrowest pixels that read the map of faint light are a twelfth of a whole-sky map.
+    // The narrowest pixels that read the map of faint light are a tenth of a whole-sky map.
     assert!(found.quantile(7, 0.999).is_none_or(|most| most <= 1.2 * BUDGET), "{ev100} {name} {}", PLACES[7]);
     assert!(found.worst_light < 0.01, "{ev100} {name}: {}", found.worst_light);
 }

@@ -231,10 +231,8 @@ impl ImageRequest {
         let span = self.span(&rendered);
         let encoding = move || {
             let _entered = span.enter();
-            threads::stand_back();
             let images = rendered.images_of(view);
-            // Encodings in bands use a separate thread pool.
-            threads::beside_long_work(|| images.map(|image| encoded(form, image)).collect())
+            threads::encode_beside_long_work(form.is_slow(), || images.map(|image| encoded(form, image)).collect())
         };
         let images: Images = task::spawn_blocking(encoding).await.map_err(|error| not_encoded(&error))?;
         self.encoders.note(images.as_deref().unwrap_or_default(), begun);

@@ -51,7 +51,7 @@ pub(super) fn plain_spacings(viewports: &[Viewport], is_costly: bool) -> Vec<Opt
     let of_viewport = |viewport: &Viewport| {
         // Measured with llvmpipe (docs/benchmarks.md): in other flat views of space, marking the blocks takes more time than it saves.
         let pays = match viewport.projection {
-            Projection::Perspective(_) | Projection::CubeFace(_) => is_costly,
+            Projection::Perspective(_) => is_costly,
             Projection::Fisheye(_) => true,
             _ => false,
         };

@@ -88,7 +88,8 @@ pub struct ViewStatistics {
     pub name: String,
     /// Number of stars whose image is in the picture.
     pub stars_drawn: u64,
-    /// Number of stars in the map of faint light that the view reads, over the whole sky; 0: the view reads no map.
+    /// Number of stars in the map of faint light that the view reads, over the whole sky; 0: the view reads no map. Stars that a whole-sky map draws
+    /// near its poles count as well.
     pub stars_in_map: u64,
     /// Magnitude of the faintest visible stars in the display image: those whose peak is 20 of 255. Computed from the exposure and the view's mean
     /// pixel. `None` for star methods that do not draw stars with their physical light.

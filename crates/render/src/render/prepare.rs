@@ -66,7 +66,7 @@ fn pictures(
 /// Names of the jobs that take a software driver longest. They come first, so that no core waits for them at the end.
 const LONGEST: [&str; 5] = ["bodies", "bodies and asteroids", "resolve", "plain blocks", "stars"];
 
-/// Runs jobs on as many threads as there are cores, the longest first.
+/// Runs jobs on as many threads as there are cores, those of [`LONGEST`] first.
 fn run(mut jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send)) {
     jobs.sort_by_key(|job| LONGEST.iter().position(|name| *name == job.name).unwrap_or(LONGEST.len()));
     let total = jobs.len();

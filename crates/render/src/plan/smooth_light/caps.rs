@@ -1,8 +1,8 @@
 //! Caps of whole-sky maps. The pixels of a whole-sky map become narrow towards its poles, so a star that is hardly visible at the equator is bright in
 //! a pixel there. The map of faint light is not read in these caps: their faint stars are drawn individually.
 //!
-//! At the edge of a cap both share the light: a star is drawn with its share, and a pixel reads the map with the rest. The share changes over many
-//! rows, so that the light that a kernel carries from row to row does not show.
+//! At the edge of a cap, the map and the drawn stars share the light: a star is drawn with its share, and a pixel reads the map with the rest. The
+//! share changes over many rows, so that the light that a kernel carries from row to row does not show.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -79,13 +79,13 @@ pub(super) fn smallest_read_sr(viewport: &Viewport) -> f64 {
 }
 
 /// Whether the pixels of a whole-sky map of this size are nearly square at the equator.
-pub(super) fn is_square([width, height]: [u32; 2]) -> bool {
+pub(super) fn has_square_pixels([width, height]: [u32; 2]) -> bool {
     (1.0 / MOST_SIDE_RATIO..=MOST_SIDE_RATIO).contains(&(0.5 * f64::from(width) / f64::from(height)))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
-mod tests {
+pub(super) mod tests {
     use std::f64::consts::PI;
 
     use glam::DQuat;
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
     use crate::view::{Rig, View, ViewKind};
 
-    fn viewports(kinds: Vec<ViewKind>) -> Vec<Viewport> {
+    pub fn viewports(kinds: Vec<ViewKind>) -> Vec<Viewport> {
         let view = |(number, kind)| View::new(&format!("view-{number}"), kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
         Rig::new(kinds.into_iter().enumerate().map(view).collect()).unwrap().viewports(DQuat::IDENTITY)
     }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     PICTURES_AT_ONCE, SkyLayout, SkyMap,
-    caps::{is_square, is_whole_sky, smallest_read_sr},
+    caps::{has_square_pixels, is_whole_sky, smallest_read_sr},
     pieces::{PIECE_SIDE, PieceGrid, SIZES_PER_OCTAVE, WantedPicture},
     words_needed,
 };
@@ -53,14 +53,14 @@ const OF_DEEP: Texels = Texels { side_px: 0.65, ..OF_TENT };
 /// all angles between texels and square pixels. Domes have no blurred texels: their pixels are far from square, so they would gain only half as much.
 const OF_DEEP_PIECES: [Texels; 2] =
     [Texels { side_px: 0.45, blur: [0.291, 0.0243], error: 0.38 }, Texels { side_px: 0.85, ..OF_TENT }];
-/// Largest cell of the composite stars of a deep store, pixels. It is smaller than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds
+/// Largest cell of the composite stars of a deep store, pixels. It is smaller than [`crate::plan::stars::deep::DIRECT_CELL_PX`], because interpolation adds
 /// to the error.
 pub(in crate::plan) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map, divided by the solid angle of the smallest pixel, in steps of the display image.
 pub(super) const BRIGHTEST_STEPS: f64 = 1.8;
 /// The same for whole-sky maps: the light of a star is spread over several narrow pixels.
 const BRIGHTEST_STEPS_OF_WHOLE_SKY: f64 = 1.5;
-/// The same for the central pixel, for a deep store: the errors of several such stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
+/// Illuminance of the brightest star of the map of a deep store, divided by the solid angle of the central pixel, in steps: the errors of several such stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
 const BRIGHTEST_STEPS_AT_CENTRE: f64 = 0.8;
 /// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
@@ -97,16 +97,7 @@ fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
 pub(super) fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     let (deep, limits) = (&inputs.stars.deep, inputs.limits);
     let smallest_sr = smallest_sr(inputs.viewports);
-    let brightest_steps = match deep {
-        Some(_) => steps_of_deep(inputs.viewports, smallest_sr),
-        None if inputs.viewports.iter().any(is_whole_sky) => BRIGHTEST_STEPS_OF_WHOLE_SKY,
-        None => BRIGHTEST_STEPS,
-    };
-    let of_whole = match deep {
-        Some(_) => OF_DEEP,
-        None if inputs.viewports.iter().any(is_whole_sky) => OF_WHOLE_SKY,
-        None => OF_TENT,
-    };
+    let (of_whole, brightest_steps) = of_whole_pictures(inputs.viewports, smallest_sr, deep.is_some())?;
     let below_lx = brightest_steps * inputs.step_cd_m2 * smallest_sr;
     let whole = finest_pixel_rad(inputs.viewports, SkyKind::Whole);
     let whole = whole.map(|rad| SkyPictures::of_texels(of_whole.side_px * rad)).filter(|whole| {
@@ -128,6 +119,17 @@ pub(super) fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPict
         None => &[OF_TENT],
     };
     of_pieces.iter().find_map(|texels| in_pieces(inputs, *texels, smallest_sr, brightest_steps))
+}
+
+/// Texels of pictures of the whole sky, and the illuminance of their brightest star divided by the solid angle of the smallest pixel, in steps; `None`:
+/// a whole-sky map of a deep store, because only stars of chunks are drawn in caps.
+fn of_whole_pictures(viewports: &[Viewport], smallest_sr: f64, has_deep: bool) -> Option<(Texels, f64)> {
+    match (has_deep, viewports.iter().any(is_whole_sky)) {
+        (false, false) => Some((OF_TENT, BRIGHTEST_STEPS)),
+        (false, true) => Some((OF_WHOLE_SKY, BRIGHTEST_STEPS_OF_WHOLE_SKY)),
+        (true, false) => Some((OF_DEEP, steps_of_deep(viewports, smallest_sr))),
+        (true, true) => None,
+    }
 }
 
 /// A map for these views.
@@ -206,7 +208,7 @@ fn finest_pixel_rad(viewports: &[Viewport], kind: SkyKind) -> Option<f64> {
             Projection::Perspective(_) | Projection::CubeFace(_) => are_similar,
             Projection::Fisheye(fisheye) => are_similar && fisheye.mapping != FisheyeMapping::Orthographic,
             // Its narrow pixels do not read the map.
-            Projection::Equirectangular(_) => kind == SkyKind::Whole && is_square(viewport.size()),
+            Projection::Equirectangular(_) => kind == SkyKind::Whole && has_square_pixels(viewport.size()),
             Projection::Tabulated(_) => false,
         };
         is_suitable && viewport.eye_offset_m.length() <= FARTHEST_EYE_M
@@ -214,4 +216,25 @@ fn finest_pixel_rad(viewports: &[Viewport], kind: SkyKind) -> Option<f64> {
     let middle = viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad());
     let (least, most) = middle.fold((f64::INFINITY, 0.0_f64), |(least, most), px| (least.min(px), most.max(px)));
     (!viewports.is_empty() && viewports.iter().all(fits) && most <= MOST_VIEW_RATIO * least).then_some(least)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::smooth_light::caps::tests::viewports;
+    use crate::view::ViewKind;
+
+    #[test]
+    fn whole_sky_maps_of_a_deep_store_have_no_pictures() {
+        let map = ViewKind::Equirectangular { size: [512, 256] };
+        let dome = ViewKind::DomeMaster { size: 256, fov_rad: std::f64::consts::PI, tilt_rad: 0.0 };
+        let texels = |kinds: &[&ViewKind], has_deep: bool| {
+            let viewports = viewports(kinds.iter().map(|kind| (*kind).clone()).collect());
+            of_whole_pictures(&viewports, smallest_sr(&viewports), has_deep).map(|(texels, _)| texels)
+        };
+        assert_eq!(texels(&[&dome], false), Some(OF_TENT));
+        assert_eq!(texels(&[&dome, &map], false), Some(OF_WHOLE_SKY));
+        assert_eq!(texels(&[&dome], true), Some(OF_DEEP));
+        assert_eq!(texels(&[&dome, &map], true), None);
+    }
 }

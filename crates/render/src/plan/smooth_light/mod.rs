@@ -2,11 +2,12 @@
 //! display image. A frame reads the map pixel by pixel, so that its cost does not depend on the number of these stars. The map is reused while the
 //! camera turns, and is made again if the camera moves.
 //!
-//! Wide views read the six round pictures of the whole sky of [`crate::sky_pictures`]. Narrow views need texels too small for that: they read the
-//! pieces of [`pieces`], of which only those in view are drawn. Neither kind of picture cuts a star at its edge.
+//! Wide views read the six round pictures of the whole sky of [`crate::sky_pictures`]; whole-sky maps do so outside of their [`caps`]. Narrow views and
+//! cubemaps need texels too small for that: they read the pieces of [`pieces`], of which only those in view are drawn. Neither kind of picture cuts a
+//! star at its edge.
 //!
 //! The light of a star is divided among nine texels (the quadratic B-spline), and a pixel is interpolated between four (the tent). The average
-//! variance is (1/4 + 1/6) texels^2. The size of texels in [`OF_TENT`] makes it equal to the variance of the tent with which exact images draw such
+//! variance is (1/4 + 1/6) texels^2. The size of texels in `OF_TENT` makes it equal to the variance of the tent with which exact images draw such
 //! stars, 1/6 px^2. With the tent for both steps, the error would vary more with the position of a star among the texels. It varies less for smaller
 //! texels that are blurred when they are stored, so such texels may hold brighter stars.
 

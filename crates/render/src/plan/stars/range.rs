@@ -96,12 +96,20 @@ pub struct OtherLight {
 }
 
 impl OtherLight {
-    /// Adds the stars of `visible` not fainter than `faintest_lx` to the crowd.
-    pub fn add_crowd(&mut self, set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3], faintest_lx: f64) {
+    /// Adds the stars of `visible` between two illuminances to the crowd.
+    pub fn add_crowd(
+        &mut self,
+        set: &StarSet,
+        visible: &[VisibleChunk],
+        eyes_pc: &[DVec3],
+        [faintest_lx, brightest_lx]: [f64; 2],
+    ) {
         let faintest_star_lx = faintest_star_lx(set, visible, eyes_pc).max(faintest_lx);
         self.faintest_lx = if self.many > 0 { self.faintest_lx.min(faintest_star_lx) } else { faintest_star_lx };
         self.many += visible.iter().map(|chunk| u64::from(chunk.count)).sum::<u64>();
-        self.crowd_lx += visible.iter().map(|chunk| chunk.total_lx).sum::<f64>();
+        // Brighter stars of these chunks are not part of the crowd.
+        let of_chunk = |chunk: &VisibleChunk| chunk.total_lx.min(f64::from(chunk.count) * brightest_lx);
+        self.crowd_lx += visible.iter().map(of_chunk).sum::<f64>();
     }
 }
 
@@ -244,6 +252,40 @@ mod tests {
             motion,
             &OtherLight::default(),
         )
+    }
+
+    /// Stars of caps share their chunks with brighter stars, which are drawn elsewhere.
+    #[test]
+    fn a_crowd_contains_no_brighter_stars() {
+        let record =
+            |magnitude: f32| StarRecord { position: DVec3::X, magnitude, temperature_k: 5772.0, distance_known: false };
+        let set = StarSet::from_records([-26.7, 8.0, 9.0, 10.0].map(record).to_vec());
+        let settings = CullSettings {
+            faintest_lx: 0.0,
+            enabled: false,
+            motion: None,
+            refraction: None,
+            margin_px: SPLAT_MARGIN_PX,
+        };
+        let viewport = Viewport {
+            view: 0,
+            part: Part::Whole,
+            projection: Projection::Equirectangular(Equirectangular::new([8, 4]).unwrap()),
+            world_from_view: glam::DQuat::IDENTITY,
+            eye_offset_m: DVec3::ZERO,
+            viewing_circle_m: 0.0,
+        };
+        let visible = visible_chunks(&set, DVec3::ZERO, &[viewport], settings);
+        let mut other = OtherLight::default();
+        let limits_lx = [10.5, 7.5].map(illuminance_lx_from_magnitude);
+        other.add_crowd(&set, &visible, &[DVec3::ZERO], limits_lx);
+        assert_eq!(other.many, 4);
+        assert!(other.crowd_lx <= 4.0 * limits_lx[1] && other.crowd_lx > limits_lx[1], "{}", other.crowd_lx);
+        let faintest_lx = illuminance_lx_from_magnitude(10.0);
+        assert!((other.faintest_lx / faintest_lx - 1.0).abs() < 1e-3, "{}", other.faintest_lx);
+        // The Sun is alone in the other set: its light is summed apart, because it outshines the crowd.
+        let ranges = choose(&set, &visible, &[DVec3::ZERO], limits_lx[1], None, &other);
+        assert!(ranges.bright.is_some());
     }
 
     #[test]

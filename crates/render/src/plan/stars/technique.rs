@@ -24,7 +24,7 @@ use crate::{
         budget::CODES,
         kept::Kept,
         settings::RenderSettings,
-        smooth_light::{CELL_PX, SkyPart},
+        smooth_light::{CELL_PX, SkyPart, SkyPlan},
         technique::{CheckInputs, PlanInputs, Step, Technique},
     },
     units::{PARSEC_M, illuminance_lx_from_magnitude},
@@ -174,8 +174,9 @@ impl Stars {
         let crowd_lx = other.crowd_lx + deep.total_lx;
         let mut other =
             OtherLight { crowd_lx, faintest_lx: deep.faintest_lx.max(faintest_lx), many: deep.stars, ..other };
-        if let Some(caps) = plan.smooth_light.map.as_ref().and_then(|sky| sky.caps.as_ref()) {
-            other.add_crowd(&inputs.scene.stars, &caps.visible, &eyes_pc, plan.stars.faintest_lx);
+        if let Some(SkyPlan { map, caps: Some(caps), .. }) = &plan.smooth_light.map {
+            let limits_lx = [plan.stars.faintest_lx, map.below_lx];
+            other.add_crowd(&inputs.scene.stars, &caps.visible, &eyes_pc, limits_lx);
         }
         let mut ranges = range::choose(stars, &plan.stars.visible, &eyes_pc, faintest_lx, plan.views.motion, &other);
         if let SkyUse::Part(SkyPart { map, .. }) = inputs.sky {

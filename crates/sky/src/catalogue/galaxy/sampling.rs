@@ -304,6 +304,19 @@ mod tests {
     }
 
     #[test]
+    fn blocks_that_are_drawn_together_have_the_stars_of_single_ones() {
+        let sky = &*super::super::tests::SKY;
+        let range = MagnitudeRange { brightest: 4.0, faintest: 9.0 };
+        let drawn = |blocks: Range<usize>| {
+            let mut stars = Vec::new();
+            sky.draw_blocks(blocks, range, (5, 0), &mut |star| stars.push(star));
+            stars
+        };
+        let single: Vec<StarRecord> = (7..10).flat_map(|block| drawn(block..block + 1)).collect();
+        assert!(single.len() > 100 && drawn(7..10) == single);
+    }
+
+    #[test]
     fn drawn_counts_match_the_expected_integral() {
         let sky = &*super::super::tests::SKY;
         // The second range has its own round, as if the first one had given too few stars. The range is narrower than the depth of a cell.

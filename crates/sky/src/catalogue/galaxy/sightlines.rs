@@ -278,7 +278,10 @@ mod tests {
         for cell in [(0, 0, 0), (479, 119, 91), (130, 61, 40)] {
             let cell = Cell { longitude: cell.0, latitude: cell.1, shell: cell.2 };
             let (middle, spot) = (sightlines.middle(cell), sightlines.spot(cell, [0.5; 3]));
-            assert_eq!((middle.position_pc, middle.modulus_mag), (spot.position_pc, spot.modulus_mag));
+            assert_eq!(
+                (middle.position_pc, middle.modulus_mag, middle.extinction_mag),
+                (spot.position_pc, spot.modulus_mag, spot.extinction_mag)
+            );
         }
     }
 
