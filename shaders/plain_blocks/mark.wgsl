@@ -95,13 +95,13 @@ struct Judgement {
 }
 
 // What is judged around a point, in this order.
-const ROUGH_LIGHT: u32 = 0u;
-const ALL_LIGHT: u32 = 1u;
-const AIR: u32 = 2u;
-const PLACE: u32 = 3u;
-const PASSED: u32 = 4u;
-const GLARE: u32 = 5u;
-const PARTS: i32 = 6;
+const JUDGED_ROUGH: u32 = 0u;
+const JUDGED_LIGHT: u32 = 1u;
+const JUDGED_AIR: u32 = 2u;
+const JUDGED_PLACE: u32 = 3u;
+const JUDGED_PASSED: u32 = 4u;
+const JUDGED_GLARE: u32 = 5u;
+const JUDGED_PARTS: i32 = 6;
 
 // Whether pixels read a map of the sky if the spacing is halved this often.
 fn reads_place(halvings: u32) -> bool {
@@ -111,20 +111,20 @@ fn reads_place(halvings: u32) -> bool {
 // Returns the first point of a part, or NO_POINTS if the part is not judged.
 fn points_of_part(grid: PlainGrid, part: u32, found: Judgement) -> u32 {
     switch part {
-        case ROUGH_LIGHT: {
+        case JUDGED_ROUGH: {
             return grid.rough;
         }
-        case ALL_LIGHT: {
+        case JUDGED_LIGHT: {
             return grid.first;
         }
-        case AIR: {
+        case JUDGED_AIR: {
             return select(NO_POINTS, grid.air, found.is_mixed);
         }
-        case GLARE: {
+        case JUDGED_GLARE: {
             return grid.near;
         }
         default: {
-            return select(NO_POINTS, grid.sky + part - PLACE, reads_place(found.halvings));
+            return select(NO_POINTS, grid.sky + part - JUDGED_PLACE, reads_place(found.halvings));
         }
     }
 }
@@ -136,7 +136,7 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
     let own = grid_points[grid.first + point];
     var is_curved = false;
     var of_rough: Differences;
-    let end = u32(turns(viewport, PARTS));
+    let end = u32(turns(viewport, JUDGED_PARTS));
     var part = first_part;
     while part < end {
         let first = points_of_part(grid, part, found);
@@ -144,36 +144,36 @@ fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings:
             part++;
             continue;
         }
-        let stride = select(1u, 2u, part == PLACE || part == PASSED);
+        let stride = select(1u, 2u, part == JUDGED_PLACE || part == JUDGED_PASSED);
         var differences = differences_at(viewport, first, point, grid.columns, stride);
-        if part == ROUGH_LIGHT {
+        if part == JUDGED_ROUGH {
             of_rough = Differences(vec4(differences.along.xyz, 0.0), vec4(differences.across.xyz, 0.0));
         }
-        if part == ALL_LIGHT && found.halvings > 0u {
+        if part == JUDGED_LIGHT && found.halvings > 0u {
             // The rough part is read from its map, so only the rest is interpolated.
             differences = Differences(differences.along - of_rough.along, differences.across - of_rough.across);
         }
         let error = error_of(differences);
-        if part == PLACE {
+        if part == JUDGED_PLACE {
             // If a neighbour is in another picture, the error of positions in this one is unknown.
             found.has_place = error.z == 0.0;
             is_curved = is_curved || (found.has_place && !(max(error.x, error.y) <= MOST_PLACE_ERROR));
-        } else if part == PASSED {
+        } else if part == JUDGED_PASSED {
             is_curved = is_curved || !(max(error.x, max(error.y, error.z)) <= MOST_PASSED_ERROR);
         } else {
             // At half the distance the error is a quarter.
-            let halvings = select(0u, found.halvings, part == ROUGH_LIGHT);
+            let halvings = select(0u, found.halvings, part == JUDGED_ROUGH);
             let is_seen = is_visible(viewport, own.xyz, error.xyz / f32(1u << (2u * halvings)));
-            if part == ROUGH_LIGHT && is_seen && halvings < MOST_HALVINGS {
+            if part == JUDGED_ROUGH && is_seen && halvings < MOST_HALVINGS {
                 found.halvings++;
                 continue;
             }
-            if part == ALL_LIGHT {
+            if part == JUDGED_LIGHT {
                 found.is_mixed = is_seen;
                 is_curved = !(error.w <= parameters.most_solid_angle_error * own.w);
             }
-            found.is_steep = found.is_steep || (part == AIR && is_seen);
-            found.has_rough_glare = found.has_rough_glare || (part == GLARE && is_seen);
+            found.is_steep = found.is_steep || (part == JUDGED_AIR && is_seen);
+            found.has_rough_glare = found.has_rough_glare || (part == JUDGED_GLARE && is_seen);
         }
         part++;
     }
@@ -262,7 +262,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     // Judge two opposite corners. Of a block that is mixed already, only the light that bodies scatter is judged. Positions are valid if the neighbours
     // of at least one corner are in the same picture.
     let judges_all = !(is_mixed || is_beside);
-    let first_part = select(GLARE, ROUGH_LIGHT, judges_all);
+    let first_part = select(JUDGED_GLARE, JUDGED_ROUGH, judges_all);
     var has_place = false;
     var has_rough_glare = is_beside;
     for (var i = 0; i < turns(viewport, 2); i++) {
