@@ -54,6 +54,12 @@ fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, output: Outpu
     renderer.render(request.drawn_for(output).sky_map(sky_map)).unwrap()
 }
 
+/// Returns the exact frame, the display image that reads the map, and the one that draws every star.
+fn three_ways(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig) -> [Frame; 3] {
+    let ways = [(Output::Hdr, SkyMapUse::Wait), (Output::Display, SkyMapUse::Wait), (Output::Display, SkyMapUse::Off)];
+    ways.map(|(output, sky_map)| draw(renderer, scene, rig, output, sky_map))
+}
+
 /// Returns the light of a frame, lx.
 fn light_lx(frame: &Frame) -> f64 {
     let pixels = frame.images.iter().flat_map(|image| image.hdr.as_ref().unwrap());
@@ -72,9 +78,7 @@ fn the_map_keeps_the_error_budget_and_the_light_of_a_dome() {
     let mut renderer = renderer();
     for (case, towards) in directions().into_iter().enumerate() {
         let scene = scene(towards);
-        let exact = draw(&mut renderer, &scene, &rig, Output::Hdr, SkyMapUse::Wait);
-        let display = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Wait);
-        let star_by_star = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Off);
+        let [exact, display, star_by_star] = three_ways(&mut renderer, &scene, &rig);
         let (in_map, drawn) = (display.views[0].stars_in_map, display.views[0].stars_drawn);
         assert!(in_map > 200_000 && drawn < exact.views[0].stars_drawn - 50_000, "{in_map} {drawn}");
         assert_eq!([exact.views[0].stars_in_map, star_by_star.views[0].stars_in_map], [0, 0]);
@@ -111,9 +115,7 @@ fn pictures_of_the_whole_sky_use_the_map() {
         let rig = rig(views);
         for towards in directions() {
             let scene = scene(towards);
-            let exact = draw(&mut renderer, &scene, &rig, Output::Hdr, SkyMapUse::Wait);
-            let display = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Wait);
-            let star_by_star = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Off);
+            let [exact, display, star_by_star] = three_ways(&mut renderer, &scene, &rig);
             let (in_map, drawn) = (display.views[0].stars_in_map, display.views[0].stars_drawn);
             assert!(in_map > 150_000 && drawn < exact.views[0].stars_drawn - 150_000, "{name}: {in_map} {drawn}");
             let of_map = DisplayErrors::between(&star_by_star, &display, &settings);

@@ -223,6 +223,17 @@ mod tests {
         ranges_in_flight(magnitudes, None)
     }
 
+    fn whole_sky() -> Viewport {
+        Viewport {
+            view: 0,
+            part: Part::Whole,
+            projection: Projection::Equirectangular(Equirectangular::new([8, 4]).unwrap()),
+            world_from_view: glam::DQuat::IDENTITY,
+            eye_offset_m: DVec3::ZERO,
+            viewing_circle_m: 0.0,
+        }
+    }
+
     fn ranges_in_flight(magnitudes: &[f32], motion: Option<Motion>) -> Ranges {
         let records = magnitudes
             .iter()
@@ -234,19 +245,11 @@ mod tests {
             })
             .collect();
         let set = StarSet::from_records(records);
-        let viewport = Viewport {
-            view: 0,
-            part: Part::Whole,
-            projection: Projection::Equirectangular(Equirectangular::new([8, 4]).unwrap()),
-            world_from_view: glam::DQuat::IDENTITY,
-            eye_offset_m: DVec3::ZERO,
-            viewing_circle_m: 0.0,
-        };
         let settings =
             CullSettings { faintest_lx: 0.0, enabled: true, motion, refraction: None, margin_px: SPLAT_MARGIN_PX };
         choose(
             &set,
-            &visible_chunks(&set, DVec3::ZERO, &[viewport], settings),
+            &visible_chunks(&set, DVec3::ZERO, &[whole_sky()], settings),
             &[DVec3::ZERO],
             0.0,
             motion,
@@ -267,15 +270,7 @@ mod tests {
             refraction: None,
             margin_px: SPLAT_MARGIN_PX,
         };
-        let viewport = Viewport {
-            view: 0,
-            part: Part::Whole,
-            projection: Projection::Equirectangular(Equirectangular::new([8, 4]).unwrap()),
-            world_from_view: glam::DQuat::IDENTITY,
-            eye_offset_m: DVec3::ZERO,
-            viewing_circle_m: 0.0,
-        };
-        let visible = visible_chunks(&set, DVec3::ZERO, &[viewport], settings);
+        let visible = visible_chunks(&set, DVec3::ZERO, &[whole_sky()], settings);
         let mut other = OtherLight::default();
         let limits_lx = [10.5, 7.5].map(illuminance_lx_from_magnitude);
         other.add_crowd(&set, &visible, &[DVec3::ZERO], limits_lx);
