@@ -161,6 +161,29 @@ fn caps_of_a_whole_sky_map_have_no_ring() {
     }
 }
 
+/// The caps of a whole-sky map lie in the air: their stars are raised and dimmed like the light of the map. The picture is turned, so that the horizon
+/// crosses the caps.
+#[test]
+fn caps_share_the_light_of_an_observers_sky() {
+    let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
+    let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
+    let (mut scene, _, settings) = configured("tonight.toml", &[galaxy, &exposure]);
+    scene.camera.world_from_camera *= DQuat::from_rotation_x(1.2);
+    let rig = rig(vec![("map", ViewKind::Equirectangular { size: WHOLE_SKY })]);
+    let mut renderer = renderer();
+    let [display, star_by_star] = [SkyMapUse::Wait, SkyMapUse::Off].map(|sky_map| {
+        let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr());
+        renderer.render(request.drawn_for(Output::Display).sky_map(sky_map)).unwrap()
+    });
+    assert!(display.views[0].stars_in_map > 100_000, "{}", display.views[0].stars_in_map);
+    let error = row_error(&star_by_star, &display);
+    let errors = DisplayErrors::between(&star_by_star, &display, &settings);
+    let [most, largest] = [0.999, 1.0].map(|share| errors.quantile(share));
+    println!("error of the light of rows: {error:.1e}; 99.9 % {most:.3}, largest {largest:.3}");
+    // The air is brighter than the stars, so the limits are lower here.
+    assert!(error < 5e-5 && most < 0.4 && largest < 1.0, "{error} {most} {largest}");
+}
+
 /// Limit of [`row_error`]: about four times the measured value.
 const ROW_LIMIT: f64 = 4.5e-4;
 
