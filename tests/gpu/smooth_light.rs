@@ -26,12 +26,15 @@ const EV100: f64 = -5.4;
 /// Scene and settings, loaded once.
 fn loaded() -> &'static (SceneSnapshot, RenderSettings) {
     static LOADED: OnceLock<(SceneSnapshot, RenderSettings)> = OnceLock::new();
-    LOADED.get_or_init(|| {
-        let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
-        let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
-        let (scene, _, settings) = configured("dome.toml", &[galaxy, &exposure]);
-        (scene, settings)
-    })
+    LOADED.get_or_init(|| with_galaxy("dome.toml"))
+}
+
+/// Returns the scene and the settings of a configuration, with a galaxy and a fixed exposure.
+fn with_galaxy(name: &str) -> (SceneSnapshot, RenderSettings) {
+    let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
+    let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
+    let (scene, _, settings) = configured(name, &[galaxy, &exposure]);
+    (scene, settings)
 }
 
 fn settings() -> RenderSettings {
@@ -165,9 +168,7 @@ fn caps_of_a_whole_sky_map_have_no_ring() {
 /// crosses the caps.
 #[test]
 fn caps_share_the_light_of_an_observers_sky() {
-    let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
-    let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
-    let (mut scene, _, settings) = configured("tonight.toml", &[galaxy, &exposure]);
+    let (mut scene, settings) = with_galaxy("tonight.toml");
     scene.camera.world_from_camera *= DQuat::from_rotation_x(1.2);
     let rig = rig(vec![("map", ViewKind::Equirectangular { size: WHOLE_SKY })]);
     let mut renderer = renderer();
@@ -280,9 +281,7 @@ fn views_unsuitable_for_a_map_use_none() {
 /// The air dims stars near the horizon. Stars that become fainter than the limit of the map only by this are not in the map, so the frame draws them.
 #[test]
 fn stars_that_the_air_dims_are_drawn_beside_the_map() {
-    let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
-    let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
-    let (scene, _, settings) = configured("tonight.toml", &[galaxy, &exposure]);
+    let (scene, settings) = with_galaxy("tonight.toml");
     let rig = rig(vec![("dome", ViewKind::DomeMaster { size: 512, fov_rad: PI, tilt_rad: 0.0 })]);
     let mut renderer = renderer();
     let mut frame = |sky_map: SkyMapUse, magnitude_limit: f64| {

@@ -287,11 +287,6 @@ impl Targets {
         self.sky.as_ref().map_or((layout::SkyMap::default(), &self.stand_in), |sky| (sky.map, &sky.texels))
     }
 
-    /// Returns the edges of the caps that do not read the map of faint light; 0: there are none.
-    pub(crate) fn caps(&self) -> [f32; 2] {
-        self.sky.as_ref().map_or([0.0; 2], |sky| sky.caps)
-    }
-
     /// Allocates the buffers of a frame, and uploads its viewports and tiles.
     pub(crate) fn begin(
         &mut self,

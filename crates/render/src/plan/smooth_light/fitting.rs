@@ -53,14 +53,15 @@ const OF_DEEP: Texels = Texels { side_px: 0.65, ..OF_TENT };
 /// all angles between texels and square pixels. Domes have no blurred texels: their pixels are far from square, so they would gain only half as much.
 const OF_DEEP_PIECES: [Texels; 2] =
     [Texels { side_px: 0.45, blur: [0.291, 0.0243], error: 0.38 }, Texels { side_px: 0.85, ..OF_TENT }];
-/// Largest cell of the composite stars of a deep store, pixels. It is smaller than [`crate::plan::stars::deep::DIRECT_CELL_PX`], because interpolation adds
-/// to the error.
+/// Largest cell of the composite stars of a deep store, pixels. It is smaller than [`crate::plan::stars::deep::DIRECT_CELL_PX`], because interpolation
+/// adds to the error.
 pub(in crate::plan) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map, divided by the solid angle of the smallest pixel, in steps of the display image.
 pub(super) const BRIGHTEST_STEPS: f64 = 1.8;
 /// The same for whole-sky maps: the light of a star is spread over several narrow pixels.
 const BRIGHTEST_STEPS_OF_WHOLE_SKY: f64 = 1.5;
-/// Illuminance of the brightest star of the map of a deep store, divided by the solid angle of the central pixel, in steps: the errors of several such stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
+/// Illuminance of the brightest star of the map of a deep store, divided by the solid angle of the central pixel, in steps: the errors of several such
+/// stars may add up in a pixel. Measured with `benches/deep_patches.rs`.
 const BRIGHTEST_STEPS_AT_CENTRE: f64 = 0.8;
 /// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;

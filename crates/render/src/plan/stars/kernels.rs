@@ -147,7 +147,7 @@ impl KernelPlan {
 /// The Gaussian of a viewport and its reach in pixels; `None`: the method draws none.
 pub fn gaussian_of(settings: &RenderSettings, viewport: &Viewport) -> Option<(GaussianKernel, f64)> {
     match settings.stars.method {
-        StarMethod::PixelGaussian => {
+        method if method.has_round_kernel() => {
             let width = GaussianWidth::new(&settings.stars.pixel_gaussian);
             Some((GaussianKernel::Round(width), width.reach_px(&viewport.projection)))
         }

@@ -191,7 +191,7 @@ impl ResolvePass {
             first_bright_high: (batch.bright_high_bytes / 8) as u32,
             shown: encode_display(tone_map),
             sky: faint_map,
-            caps: targets.caps(),
+            caps: targets.sky.as_ref().map_or([0.0; 2], |sky| sky.caps),
             diffuse: diffuse.map(|diffuse| diffuse.light).unwrap_or_default(),
             air,
             diffuse_is_smooth: u32::from(diffuse.is_some_and(|diffuse| diffuse.smooth.is_some())),

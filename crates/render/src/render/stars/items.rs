@@ -66,10 +66,8 @@ pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &Sta
 pub(super) enum ItemSource {
     /// Near stars, relative to the camera.
     Near,
-    /// A segment of the catalogue's stars.
+    /// A segment of the buffers of the run's kind.
     Segment(usize),
-    /// A buffer of pages of a deep store.
-    Pages(usize),
 }
 
 /// Run of items of one batch that read from one buffer of stars.
@@ -204,7 +202,7 @@ pub(super) fn push_pages(
                     });
                 }
             }
-            close_run(items, runs, (batch_index, StarKind::Pages), ItemSource::Pages(segment), first_item);
+            close_run(items, runs, (batch_index, StarKind::Pages), ItemSource::Segment(segment), first_item);
         }
     }
 }

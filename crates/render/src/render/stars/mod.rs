@@ -90,10 +90,10 @@ impl Stars {
         };
         let runs = self.runs.iter().filter(|run| run.batch == batch);
         let draw = |run: &ItemRun| {
-            let stars = match run.source {
-                ItemSource::Near => near,
-                ItemSource::Segment(segment) => self.drawn(run.kind).map_or(near, |stars| stars.buffer(segment)),
-                ItemSource::Pages(segment) => self.pages.buffer(segment),
+            let stars = match (run.source, run.kind) {
+                (ItemSource::Near, _) => near,
+                (ItemSource::Segment(segment), StarKind::Pages) => self.pages.buffer(segment),
+                (ItemSource::Segment(segment), kind) => self.drawn(kind).map_or(near, |stars| stars.buffer(segment)),
             };
             run.draw(stars, items)
         };

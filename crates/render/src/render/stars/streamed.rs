@@ -110,7 +110,7 @@ impl StreamedPages {
         let of_batch = items.runs.iter().filter(|run| run.batch == batch);
         let draws: Vec<StarDraw<'_>> = of_batch
             .filter_map(|run| {
-                let ItemSource::Pages(segment) = run.source else { return None };
+                let ItemSource::Segment(segment) = run.source else { return None };
                 Some(run.draw(self.pages.buffer(segment), held))
             })
             .collect();
