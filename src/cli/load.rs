@@ -8,11 +8,22 @@ use crate::catalogue::chunks::StarSet;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::store::Store;
 use crate::config::Config;
+use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
 use crate::scene::loader::{LoadError, LoadReport, StarSource, import_stars, load_stars};
 use crate::service::StartProgress;
+
+/// Opens the adapter, and meanwhile computes everything of a configuration's scene except the stars.
+pub fn open(config: &Config, options: &GpuOptions) -> Result<(Renderer, Arc<SceneObjects>), CliError> {
+    let (renderer, objects) = std::thread::scope(|scope| {
+        let objects = scope.spawn(|| config.objects());
+        let renderer = Gpu::open(options).map(Renderer::new);
+        (renderer, objects.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    Ok((renderer?, Arc::new(objects?)))
+}
 
 /// The scene of a configuration.
 pub struct LoadedScene {
@@ -26,15 +37,16 @@ pub struct LoadedScene {
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the scene of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. Also reports the progress to `told`.
+/// Loads the stars of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. `objects`: the rest of its scene. Also
+/// reports the progress to `told`.
 pub fn scene(
     config: &Config,
+    objects: Arc<SceneObjects>,
     groups: &[FrameGroup],
     wanted: Wanted,
     renderer: &mut Renderer,
     told: Option<&StartProgress>,
 ) -> Result<LoadedScene, CliError> {
-    let objects = Arc::new(config.objects()?);
     warn_of_asteroids_between_eyes(config, groups);
     let (prepared, loaded) = std::thread::scope(|scope| {
         let preparing = scope.spawn(|| {

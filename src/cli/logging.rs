@@ -4,6 +4,7 @@ use std::io::{self, IsTerminal};
 
 use tracing_subscriber::{
     EnvFilter, Layer, Registry,
+    filter::LevelFilter,
     layer::{Layered, SubscriberExt},
     util::SubscriberInitExt,
 };
@@ -30,9 +31,25 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
         ))
     };
     let filter = EnvFilter::try_new(&filter).map_err(|error| wrong(error.to_string()))?;
+    let most = filter.max_level_hint();
     let (exporting, traces) = telemetry::start()?.unzip();
     subscriber(filter, traces.map(Layer::boxed)).try_init().map_err(|error| wrong(error.to_string()))?;
+    // Only graphics libraries log through `log`, with a line for every expression of a shader. No other layer than the filtered one needs them.
+    if let Some(most) = most {
+        log::set_max_level(as_log(most));
+    }
     Ok(exporting)
+}
+
+fn as_log(level: LevelFilter) -> log::LevelFilter {
+    match level {
+        LevelFilter::OFF => log::LevelFilter::Off,
+        LevelFilter::ERROR => log::LevelFilter::Error,
+        LevelFilter::WARN => log::LevelFilter::Warn,
+        LevelFilter::INFO => log::LevelFilter::Info,
+        LevelFilter::DEBUG => log::LevelFilter::Debug,
+        _ => log::LevelFilter::Trace,
+    }
 }
 
 type BoxedLayer = Box<dyn Layer<Registry> + Send + Sync>;

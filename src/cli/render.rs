@@ -13,9 +13,9 @@ use super::{
 };
 use crate::audit::{AuditedScene, audit_into};
 use crate::files;
-use crate::gpu::{AdapterReport, Gpu, GpuOptions};
+use crate::gpu::{AdapterReport, GpuOptions};
 use crate::output::{check_folder, pack, provenance::Provenance, write_frames};
-use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
+use crate::render::{Frame, FrameRequest, RenderError, Wanted};
 use crate::scene::SceneSnapshot;
 
 /// Maximum size of a manifest, bytes.
@@ -91,8 +91,7 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
         );
     }
     // Open the adapter and check that it can draw the views.
-    let gpu = Gpu::open(options)?;
-    let mut renderer = Renderer::new(gpu);
+    let (mut renderer, objects) = load::open(config, options)?;
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
     if let Some(recorded) = &recorded {
@@ -105,7 +104,8 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
         hdr: arguments.files.contains(&FileKind::Exr),
         ..Wanted::default()
     };
-    let LoadedScene { stars, report, objects, prepared } = load::scene(config, &groups, wanted, &mut renderer, None)?;
+    let LoadedScene { stars, report, objects, prepared } =
+        load::scene(config, objects, &groups, wanted, &mut renderer, None)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let mut draw = |number: usize| -> Result<Frame, RenderError> {

@@ -17,12 +17,12 @@ use super::{
     results, show,
 };
 use crate::config::{Config, PackingConfig, WindowConfig, parse_listen};
-use crate::gpu::{Gpu, GpuOptions};
+use crate::gpu::GpuOptions;
 use crate::plan::view_settings::FrameGroup;
 use crate::platform::{signals, supervisor};
 use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::loader::{LoadReport, LoadedCatalogue};
-use crate::scene::{Camera, SceneSnapshot};
+use crate::scene::{Camera, SceneObjects, SceneSnapshot};
 use crate::service::{
     self, Access, AccessSource, Address, EarlyServer, HeadsetOptions, NetworkOptions, SceneCatalogue, ServeError,
     ServeOptions, Shutdown, StartProgress, WindowsEnd, WindowsOptions,
@@ -100,7 +100,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     if let Some(path) = &state {
         service::check_state(path).map_err(|error| CliError::Serve(error.into()))?;
     }
-    let renderer = Renderer::new(Gpu::open(options)?);
+    let (renderer, objects) = load::open(&config, options)?;
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     block_on_and_leave(runtime, async {
         // From here on, a signal causes an orderly shutdown, even while stars are still loading.
@@ -113,7 +113,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
         let early = EarlyServer::open(&network, Arc::clone(&progress)).await.map_err(CliError::Serve)?;
         let of_scene = config.clone();
         // Compile the shaders before a client can request a frame.
-        let starting = task::spawn_blocking(move || start(&of_scene, &groups, camera, renderer, &progress));
+        let starting = task::spawn_blocking(move || start(&of_scene, objects, &groups, camera, renderer, &progress));
         let started = tokio::select! {
             () = &mut signals => None,
             started = starting => match started {
@@ -196,6 +196,7 @@ fn access(arguments: &ServeArguments) -> AccessSource {
 /// requests it: the scene may have changed by then.
 fn start(
     config: &Config,
+    objects: Arc<SceneObjects>,
     groups: &[FrameGroup],
     camera: Camera,
     mut renderer: Renderer,
@@ -204,7 +205,7 @@ fn start(
     let mut wanted = Wanted::display();
     wanted |= show::wanted_by(&config.windows);
     let LoadedScene { stars, report, objects, prepared } =
-        load::scene(config, groups, wanted, &mut renderer, Some(progress))?;
+        load::scene(config, objects, groups, wanted, &mut renderer, Some(progress))?;
     progress.tell("frame", "first frame".to_owned());
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let drawn = prepared.and_then(|()| {

@@ -16,7 +16,7 @@ use super::{
     lock, results,
 };
 use crate::config::{Config, WindowConfig};
-use crate::gpu::{Gpu, GpuOptions};
+use crate::gpu::GpuOptions;
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::overlay::Overlay;
@@ -85,11 +85,12 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
     }
     // Check everything that can be refused before loading the stars, which takes longest.
     windows::check_display()?;
-    let mut renderer = Renderer::new(Gpu::open(options)?);
+    let (mut renderer, objects) = load::open(&config, options)?;
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let ended = ended_by_signal().map_err(CliError::Runtime)?;
     let wanted = wanted_by(&of_windows);
-    let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &groups, wanted, &mut renderer, None)?;
+    let LoadedScene { stars, objects, prepared, .. } =
+        load::scene(&config, objects, &groups, wanted, &mut renderer, None)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
 
     let sizes: Vec<[u32; 2]> = of_windows.iter().filter_map(|window| size_of(window, &rig)).collect();

@@ -315,8 +315,10 @@ impl Film {
     ) -> Result<(), CliError> {
         let of_render = |error: RenderError| CliError::render(error, &self.inputs.config.origin);
         let groups = self.config_at(f64::from(missing[0])).frame_groups()?;
+        let config = &self.inputs.config;
+        let objects = Arc::new(config.objects()?);
         let LoadedScene { stars, report, objects, prepared } =
-            load::scene(&self.inputs.config, &groups, self.wanted(), renderer, None)?;
+            load::scene(config, objects, &groups, self.wanted(), renderer, None)?;
         prepared.map_err(of_render)?;
         folder.record_catalogues(self.inputs.catalogues(&report))?;
         let sources = self.inputs.config.star_sources();

@@ -23,7 +23,11 @@ pub const LOWEST_ARRIVING: f64 = -0.032;
 /// Sines between which refraction fades with depth: it is zero at the first and unreduced from the second on.
 /// Such low directions meet the ground.
 pub const FADING: [f64; 2] = [-0.07, -0.02];
-/// Number of iterations from a true altitude to the apparent one. Each one reduces the error to a fifth at the horizon,
+/// Sine by which a direction must be lower than the first of these for its refraction to be 0 without an iteration.
+const FADING_MARGIN: f64 = 1e-3;
+/// Change of the refraction at which an iteration ends, rad.
+const LEAST_CHANGE: f64 = 1e-13;
+/// Maximum number of iterations from a true altitude to the apparent one. Each one reduces the error to a fifth at the horizon,
 /// and to far less above it.
 const STEPS: usize = 8;
 
@@ -100,16 +104,21 @@ fn of_seen(density: f64, sine: f64) -> f64 {
 fn of_arriving(density: f64, sine: f64) -> f64 {
     let cosine_squared = (1.0 - sine * sine).max(0.0);
     let mut found = density * fraction(OF_ARRIVING, sine.max(LOWEST_ARRIVING));
+    // So far below the horizon, refraction has faded.
+    if sine + found < FADING[0] - FADING_MARGIN {
+        return 0.0;
+    }
     for _ in 0..STEPS {
         let cosine = (1.0 + found * found * cosine_squared).sqrt().recip();
         let seen = (sine + found * cosine_squared) * cosine;
         // The cosine of the apparent altitude is that of the true one times this factor.
         let next = of_seen(density, seen) * (1.0 - sine * found) * cosine;
-        // Further steps would not change it.
-        if next == found {
+        let change = (next - found).abs();
+        found = next;
+        // Further steps would change it even less.
+        if change < LEAST_CHANGE {
             break;
         }
-        found = next;
     }
     found
 }
@@ -132,7 +141,11 @@ impl Refraction {
         }
         let direction = place / distance;
         let sine = direction.dot(self.zenith);
-        (direction + upwards(sine) * (self.zenith - sine * direction)).normalize() * distance
+        let upwards = upwards(sine);
+        if upwards == 0.0 {
+            return place;
+        }
+        (direction + upwards * (self.zenith - sine * direction)).normalize() * distance
     }
 
     /// Linear map from true to apparent directions, for the directions within an angle from a given one. It rotates the

@@ -59,7 +59,10 @@ pub fn chromaticity_xy(temperature_k: f64) -> [f64; 2] {
 /// Linear Rec. 709 RGB of a black body of `temperature_k`, with [`luminance`] = 1; may be out of gamut (negative).
 /// Temperatures outside 1 to 1e12 K give the limits; NaN gives NaN.
 pub fn rec709_at_unit_luminance(temperature_k: f64) -> [f64; 3] {
-    let rgb = rec709_from_xyz(tristimulus(temperature_k));
+    at_unit_luminance(rec709_from_xyz(tristimulus(temperature_k)))
+}
+
+fn at_unit_luminance(rgb: [f64; 3]) -> [f64; 3] {
     let y = luminance(rgb);
     rgb.map(|channel| channel / y)
 }
@@ -67,7 +70,11 @@ pub fn rec709_at_unit_luminance(temperature_k: f64) -> [f64; 3] {
 /// The colour of [`rec709_at_unit_luminance`] brought into gamut: mixed with D65 white until no channel is negative;
 /// [`luminance`] is still 1.
 pub fn rec709_in_gamut(temperature_k: f64) -> [f64; 3] {
-    let rgb = rec709_at_unit_luminance(temperature_k);
+    in_gamut(rec709_at_unit_luminance(temperature_k))
+}
+
+/// Mixes a colour of luminance 1 with D65 white until no channel is negative.
+fn in_gamut(rgb: [f64; 3]) -> [f64; 3] {
     let lowest = rgb[0].min(rgb[1]).min(rgb[2]);
     if lowest >= 0.0 || rgb[0].is_nan() {
         return rgb;
@@ -97,14 +104,37 @@ pub fn luminance_cd_m2(temperature_k: f64) -> f64 {
 /// Natural logarithm of [`luminance_cd_m2`], even where the luminance itself underflows f64. Temperatures are clamped
 /// to 1 to 1e12 K; NaN gives NaN.
 pub fn ln_luminance_cd_m2(temperature_k: f64) -> f64 {
-    let temperature_k = temperature_k.clamp(LIMITING_TEMPERATURES_K[0], LIMITING_TEMPERATURES_K[1]);
     let [_, y, _] = tristimulus(temperature_k);
+    ln_luminance_of(y, temperature_k)
+}
+
+/// Logarithm of the luminance of a black body whose `tristimulus` has this Y.
+fn ln_luminance_of(y: f64, temperature_k: f64) -> f64 {
+    let temperature_k = temperature_k.clamp(LIMITING_TEMPERATURES_K[0], LIMITING_TEMPERATURES_K[1]);
     // `tristimulus` is in units of the radiance at the longest wavelength: c1 lambda^-5 / (e^x - 1), with e^x
     // factored out.
     let longest_m = wavelength_m(COLOUR_MATCHING.len() - 1);
     let x = SECOND_RADIATION_M_K / (longest_m * temperature_k);
     let scale = LUMINOUS_EFFICACY_LM_W * STEP_M * FIRST_RADIATION_RADIANCE / longest_m.powi(5);
     (y * scale / -(-x).exp_m1()).ln() - x
+}
+
+/// Colour and luminance of a black body, from one sum over its spectrum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlackBody {
+    /// The colour of [`rec709_in_gamut`].
+    pub colour: [f64; 3],
+    /// The value of [`ln_luminance_cd_m2`].
+    pub ln_luminance: f64,
+}
+
+impl BlackBody {
+    /// The black body of `temperature_k`. Temperatures outside 1 to 1e12 K give the limits; NaN gives NaN.
+    pub fn new(temperature_k: f64) -> Self {
+        let xyz = tristimulus(temperature_k);
+        let colour = in_gamut(at_unit_luminance(rec709_from_xyz(xyz)));
+        Self { colour, ln_luminance: ln_luminance_of(xyz[1], temperature_k) }
+    }
 }
 
 /// Errors from making a [`BlackbodyTable`].
@@ -196,6 +226,15 @@ mod tests {
             .collect();
         assert_eq!(rows.len(), 26);
         rows
+    }
+
+    #[test]
+    fn one_sum_gives_the_colour_and_the_luminance() {
+        for temperature_k in [0.5, 900.0, 3000.0, 5772.0, 4e4, 1e13] {
+            let BlackBody { colour, ln_luminance } = BlackBody::new(temperature_k);
+            assert_eq!(colour, rec709_in_gamut(temperature_k));
+            assert_eq!(ln_luminance, ln_luminance_cd_m2(temperature_k));
+        }
     }
 
     /// Largest deviation of any channel of `colour` over all rows of the reference.

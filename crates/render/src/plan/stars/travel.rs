@@ -14,7 +14,7 @@ use crate::{
         packed::{MAX_TEMPERATURE_K, MIN_TEMPERATURE_K, TEMPERATURE_STEPS, temperature_of_step_k},
         spectra::Spectrum,
     },
-    photometry::blackbody::{ln_luminance_cd_m2, rec709_in_gamut},
+    photometry::blackbody::BlackBody,
     relativity::{MAX_SPEED_C, Motion, doppler_factor},
 };
 
@@ -37,41 +37,48 @@ pub fn temperature_of_shifted_step_k(step: f64) -> f64 {
     MIN_TEMPERATURE_K * (step / steps_per_e_fold()).exp()
 }
 
-/// Logarithm of the luminance of a black body at every step from -[`SHIFTED_STEPS`], and the index of the temperature
-/// above which a blue shift reduces the light (near 16000 K).
+/// Black bodies at every step from -[`SHIFTED_STEPS`].
 struct Table {
+    /// Colours with Y = 1, linear Rec. 709.
+    colours: Vec<[f32; 3]>,
+    /// Logarithms of the luminances, cd/m^2.
     ln_luminance: Vec<f64>,
+    /// Step above which a blue shift reduces the light (near 16000 K).
     turning: f64,
 }
 
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
-    let step_of = |index: usize| index as f64 - f64::from(SHIFTED_STEPS);
-    let ln_luminance: Vec<f64> =
-        (0..TABLE_STEPS).map(|index| ln_luminance_cd_m2(temperature_of_shifted_step_k(step_of(index)))).collect();
+    let black_body = |index: usize| {
+        let step = index as i64 - i64::from(SHIFTED_STEPS);
+        // Use the stored colours for the temperatures of stars.
+        let kelvin = u32::try_from(step)
+            .ok()
+            .filter(|step| *step < TEMPERATURE_STEPS)
+            .map_or_else(|| temperature_of_shifted_step_k(step as f64), temperature_of_step_k);
+        let BlackBody { colour, ln_luminance } = BlackBody::new(kelvin);
+        (colour.map(|channel| channel as f32), ln_luminance)
+    };
+    let (colours, ln_luminance): (Vec<_>, Vec<_>) = (0..TABLE_STEPS).map(black_body).unzip();
     // Light in motion is proportional to exp(ln Y - 2 ln T) along the table.
     let light = |index: usize| ln_luminance[index] - 2.0 * index as f64 / steps_per_e_fold();
-    let turning = (0..TABLE_STEPS).max_by(|a, b| light(*a).total_cmp(&light(*b))).map_or(0.0, step_of);
-    Table { ln_luminance, turning }
+    let turning = (0..TABLE_STEPS).max_by(|a, b| light(*a).total_cmp(&light(*b)));
+    let turning = turning.map_or(0.0, |index| index as f64 - f64::from(SHIFTED_STEPS));
+    Table { colours, ln_luminance, turning }
 });
 
-/// Colours with Y = 1 at every step from -[`SHIFTED_STEPS`], linear Rec. 709.
-static COLOURS: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
-    (0..TABLE_STEPS as u32)
-        .map(|index| {
-            let step = i64::from(index) - i64::from(SHIFTED_STEPS);
-            // Use the stored colours for the temperatures of stars.
-            let kelvin = u32::try_from(step)
-                .ok()
-                .filter(|step| *step < TEMPERATURE_STEPS)
-                .map_or_else(|| temperature_of_shifted_step_k(step as f64), temperature_of_step_k);
-            rec709_in_gamut(kelvin).map(|channel| channel as f32)
-        })
-        .collect()
-});
+/// Index of a step in the table; beyond the table, that of its end.
+fn index_of(step: i32) -> usize {
+    (step + SHIFTED_STEPS as i32).clamp(0, TABLE_STEPS as i32 - 1) as usize
+}
 
 /// Colour with Y = 1 of a step, linear Rec. 709; the first step is -[`SHIFTED_STEPS`]. Beyond the table, the colour at its end.
 pub fn colour_of_step(step: i32) -> [f32; 3] {
-    COLOURS[(step + SHIFTED_STEPS as i32).clamp(0, TABLE_STEPS as i32 - 1) as usize]
+    TABLE.colours[index_of(step)]
+}
+
+/// Logarithm of the luminance of a black body at a step, cd/m^2; the first step is -[`SHIFTED_STEPS`]. Beyond the table, the value at its end.
+pub fn ln_luminance_of_step(step: i32) -> f64 {
+    TABLE.ln_luminance[index_of(step)]
 }
 
 /// Colour with Y = 1 of a star's temperature step, shifted by a Doppler factor.

@@ -4,13 +4,12 @@
 use super::items::{StarDraw, StarKind, bind_items};
 use crate::{
     gpu::{self, Gpu, Variants, dispatch_rows},
-    photometry::blackbody::ln_luminance_cd_m2,
     plan::{
         Plan, SmoothLightPlan,
         smooth_light::caps::Caps,
         stars::{
             range::FixedPoint,
-            travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, temperature_of_shifted_step_k},
+            travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, ln_luminance_of_step},
         },
     },
     relativity::Motion,
@@ -49,7 +48,7 @@ fn colour_table() -> Vec<[f32; 4]> {
         .chain(-(SHIFTED_STEPS as i32)..0)
         .map(|step| {
             let [r, g, b] = colour_of_step(step);
-            [r, g, b, ln_luminance_cd_m2(temperature_of_shifted_step_k(f64::from(step))) as f32]
+            [r, g, b, ln_luminance_of_step(step) as f32]
         })
         .collect()
 }

@@ -58,10 +58,22 @@ pub fn cell_of(direction: DVec3, cells: u32) -> usize {
 
 /// Unit vector to the centre of a cell.
 pub fn direction_of_cell(index: usize, cells: u32) -> DVec3 {
+    direction_in_cell(index, cells, [0.5, 0.5])
+}
+
+/// Unit vectors to the corners of a cell and to points between them, `intervals` along an edge.
+pub(super) fn directions_in_cell(index: usize, cells: u32, intervals: u32) -> impl Iterator<Item = DVec3> {
+    let part = move |point: u32| f64::from(point) / f64::from(intervals);
+    let points = (0..=intervals).flat_map(move |row| (0..=intervals).map(move |column| [part(column), part(row)]));
+    points.map(move |place| direction_in_cell(index, cells, place))
+}
+
+/// Unit vector to a place in a cell: shares of its width and of its height, from the top left.
+fn direction_in_cell(index: usize, cells: u32, [across, down]: [f64; 2]) -> DVec3 {
     let n = cells as usize;
     let (face, row, column) = (index / (n * n), index / n % n, index % n);
-    let tangent = |place: usize| 2.0 * (place as f64 + 0.5) / n as f64 - 1.0;
-    (Face::ALL[face].axes() * DVec3::new(tangent(column), -tangent(row), -1.0)).normalize()
+    let tangent = |place: usize, share: f64| 2.0 * (place as f64 + share) / n as f64 - 1.0;
+    (Face::ALL[face].axes() * DVec3::new(tangent(column, across), -tangent(row, down), -1.0)).normalize()
 }
 
 /// Sums over the sources of a cell.
@@ -128,7 +140,6 @@ impl Group {
 /// Stars that scatter light.
 pub(super) struct Sky<'a> {
     pub set: &'a StarSet,
-    pub visible: &'a [VisibleChunk],
     /// Position of the camera, pc.
     pub place_pc: DVec3,
     pub motion: Option<Motion>,
@@ -167,12 +178,13 @@ impl Sky<'_> {
         })
     }
 
-    /// Bins all stars, with `cells` cells along an edge of a face. `counts_brightnesses`: whether the stars are also counted by brightness. With
-    /// `far`, most distant stars are not read.
-    pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool, far: Option<&mut FarLight>) -> Gathered {
+    /// Bins the stars of the visible chunks, with `cells` cells along an edge of a face. With `far`, most distant stars are not read, and the stars
+    /// are not counted by brightness.
+    pub(super) fn gather(&self, visible: &[VisibleChunk], cells: u32, far: Option<&mut FarLight>) -> Gathered {
+        let counts_brightnesses = far.is_none();
         let (distant, near) = match far {
-            Some(far) => far.seen(self, cells),
-            None => (Vec::new(), self.visible.iter().collect()),
+            Some(far) => far.seen(self, visible, cells),
+            None => (Vec::new(), visible.iter().collect()),
         };
         let groups = grouped(
             &near,

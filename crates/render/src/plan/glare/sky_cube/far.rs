@@ -121,8 +121,13 @@ impl FarLight {
         }
     }
 
-    /// The distant stars as seen from the position of `sky`, summed in cells, and the chunks of all other stars, in the order of `sky`.
-    pub(super) fn seen<'a>(&mut self, sky: &Sky<'a>, cells: u32) -> (Vec<Source>, Vec<&'a VisibleChunk>) {
+    /// The distant stars as seen from the position of `sky`, summed in cells, and the visible chunks of all other stars, in their order.
+    pub(super) fn seen<'a>(
+        &mut self,
+        sky: &Sky<'_>,
+        visible: &'a [VisibleChunk],
+        cells: u32,
+    ) -> (Vec<Source>, Vec<&'a VisibleChunk>) {
         let centres = centres_pc(sky.place_pc);
         let sizes: Vec<Option<usize>> = sky.set.chunks.iter().map(|chunk| size_of(chunk, &centres)).collect();
         let mut seen = Vec::new();
@@ -138,7 +143,7 @@ impl FarLight {
             let place_pc = sky.place_pc - centre_pc;
             seen.par_extend(held.sources.par_iter().filter_map(|source| source.seen_from(place_pc)));
         }
-        (seen, sky.visible.iter().filter(|visible| sizes[visible.chunk].is_none()).collect())
+        (seen, visible.iter().filter(|visible| sizes[visible.chunk].is_none()).collect())
     }
 }
 
@@ -147,7 +152,7 @@ impl Sky<'_> {
     fn far_sums(&self, centre_pc: DVec3, cells: u32, is_among: impl Fn(usize) -> bool) -> Vec<FarSource> {
         let visible = super::visible_everywhere(self.set, centre_pc, None, self.faintest_lx);
         let visible: Vec<_> = visible.into_iter().filter(|visible| is_among(visible.chunk)).collect();
-        let from_centre = Sky { visible: &visible, place_pc: centre_pc, ..*self };
+        let from_centre = Sky { place_pc: centre_pc, ..*self };
         let sums = grouped(
             &visible,
             || vec![FarSource::default(); 6 * (cells * cells) as usize],
@@ -196,9 +201,8 @@ mod tests {
 
     fn cells(set: &StarSet, place_pc: DVec3, far: Option<&mut FarLight>) -> Vec<Cell> {
         let visible = visible_everywhere(set, place_pc, None, 0.0);
-        let sky =
-            Sky { set, visible: &visible, place_pc, motion: None, local_sky: None, faintest_lx: 0.0, near_pc: 1e-6 };
-        sky.gather(FINEST_CELLS, false, far).cells
+        let sky = Sky { set, place_pc, motion: None, local_sky: None, faintest_lx: 0.0, near_pc: 1e-6 };
+        sky.gather(&visible, FINEST_CELLS, far).cells
     }
 
     /// Returns two relative differences: the greatest of the light around any direction, with Gaussian weights of a standard deviation of 3 degrees,

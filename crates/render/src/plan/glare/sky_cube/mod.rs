@@ -17,6 +17,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use self::cells::directions_in_cell;
 pub use self::{
     cells::{Cell, cell_of, direction_of_cell},
     far::FarLight,
@@ -114,6 +115,13 @@ impl SkyCubeSettings {
             && self.keeps_far(set) == other.keeps_far(set)
     }
 
+    /// The stars as these settings show them.
+    fn sky<'a>(&'a self, set: &'a StarSet) -> cells::Sky<'a> {
+        let Self { place_pc, motion, faintest_lx, .. } = *self;
+        let local_sky = self.local_sky.as_deref();
+        cells::Sky { set, place_pc, motion, local_sky, faintest_lx, near_pc: self.near_pc() }
+    }
+
     /// Distance below which a star has a separate direction for each eye, pc.
     fn near_pc(&self) -> f64 {
         self.farthest_eye_pc / SHARED_PARALLAX_RAD
@@ -183,11 +191,32 @@ pub struct PixelClass {
     pub bumps: Vec<[f64; 3]>,
 }
 
+/// Light of all stars, as sources of glare. It does not depend on the exposure, nor on the pixels of the views.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StarLight {
+    /// Cells and kernels, the finest level first.
+    pub levels: Vec<Level>,
+    /// Stars that each eye sees in a different direction, at most [`MOST_NEAR`].
+    pub near: Vec<NearStar>,
+    /// Stars in the cells, by brightness; `None` if the light comes from [`FarLight`].
+    brightnesses: Option<sprites::Brightnesses>,
+}
+
+impl StarLight {
+    /// Bins all stars that may scatter light.
+    fn new(set: &StarSet, kernel: &dyn GlareKernel, settings: &SkyCubeSettings, far: Option<&mut FarLight>) -> Self {
+        let visible = visible_everywhere(set, settings.place_pc, settings.motion, settings.faintest_lx);
+        let far = far.filter(|_| settings.keeps_far(set));
+        let cells::Gathered { cells, near, brightnesses } = settings.sky(set).gather(&visible, FINEST_CELLS, far);
+        Self { levels: levels::of_kernel(kernel, cells), near, brightnesses }
+    }
+}
+
 /// Glare of the whole sky.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyCubePlan {
-    /// Cells and kernels, the finest level first.
-    pub levels: Vec<Level>,
+    /// Light of the stars.
+    pub light: Arc<StarLight>,
     /// Sources that are drawn individually.
     pub sprites: Sprites,
     /// Data for each class of pixels.
@@ -196,8 +225,6 @@ pub struct SkyCubePlan {
     pub soft: SoftCore,
     /// Square of the radius of bumps.
     pub bump_squared: f64,
-    /// Stars that each eye sees in a different direction, at most [`MOST_NEAR`].
-    pub near: Vec<NearStar>,
     /// Fainter stars do not scatter, lx.
     pub faintest_lx: f64,
 }
@@ -213,37 +240,35 @@ struct Source {
 }
 
 impl SkyCubePlan {
-    /// Plans the glare of a set of stars. `far` has sums of the same stars, kept from earlier plans.
+    /// Plans the glare of a set of stars. `same`: a plan with the same cells ([`SkyCubeSettings::has_same_cells`]) and kernel. Without it, all stars
+    /// are read; `far` has sums of the same stars, kept from earlier plans.
     pub fn new(
         set: &StarSet,
         kernel: &dyn GlareKernel,
         settings: &SkyCubeSettings,
+        same: Option<&Self>,
         far: Option<&mut FarLight>,
     ) -> Self {
-        // Bin all stars that may scatter light.
-        let SkyCubeSettings { place_pc, motion, faintest_lx, .. } = *settings;
-        let visible = visible_everywhere(set, place_pc, motion, faintest_lx);
-        let near_pc = settings.near_pc();
-        let local_sky = settings.local_sky.as_deref();
-        let sky = cells::Sky { set, visible: &visible, place_pc, motion, local_sky, faintest_lx, near_pc };
-        let is_exact = settings.least_cd_m2 == 0.0;
-        let far = far.filter(|_| settings.keeps_far(set));
-        let cells::Gathered { cells: finest, near, brightnesses } = sky.gather(FINEST_CELLS, is_exact, far);
-        // Levels of the map, and the veil that hides individual sources.
-        let levels = levels::of_kernel(kernel, finest);
+        let light = match same {
+            Some(same) => Arc::clone(&same.light),
+            None => Arc::new(StarLight::new(set, kernel, settings, far)),
+        };
+        let StarLight { levels, brightnesses, .. } = &*light;
+        // The veil that hides individual sources.
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
         let hidden = sprites::Hidden { tolerance: settings.tolerance, least_cd_m2: settings.least_cd_m2 };
-        let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, hidden);
+        let local_sky = settings.local_sky.as_deref();
+        let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, local_sky, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
         // In a display image, the veil of a single source is visible if it exceeds a fraction of the budget. For an exact image the thresholds are
         // lower.
-        if let Some(brightnesses) = &brightnesses {
+        if let Some(brightnesses) = brightnesses.as_ref().filter(|_| settings.least_cd_m2 == 0.0) {
             veil.hide_less(settings.tolerance, &reach, brightnesses);
         }
         // Select the sources that are drawn individually. In each class of pixels, bumps contain the light near sources that are not drawn
         // individually.
-        let sprites = sky.sprites(&reach, &veil);
+        let sprites = settings.sky(set).sprites(&reach, &veil);
         let narrow_share = kernel.share_within(smooth_angle_rad(0)) - soft.share();
         let bump_squared = chord_squared(BUMP_CELLS * 2.0 / f64::from(FINEST_CELLS));
         let per_height = 1.0 / bump_share(bump_squared);
@@ -263,7 +288,7 @@ impl SkyCubePlan {
         });
         let classes = classes.collect();
         let sprites = Sprites::new(sprites);
-        Self { levels, sprites, classes, soft, bump_squared, near, faintest_lx }
+        Self { light, sprites, classes, soft, bump_squared, faintest_lx: settings.faintest_lx }
     }
 
     /// Near stars for an eye at this position relative to that of the map: directions in world axes, light in lx.
@@ -273,7 +298,8 @@ impl SkyCubePlan {
         motion: Option<Motion>,
         local_sky: Option<&LocalSky>,
     ) -> Vec<(DVec3, [f64; 3])> {
-        self.near
+        self.light
+            .near
             .iter()
             .filter_map(|near| {
                 let source = Source::at_position(near.place_pc - eye_pc, &near.star, motion, local_sky)?;

@@ -5,13 +5,16 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Cell, Source, cell_of, direction_of_cell};
-use crate::photometry::{
-    glare::{
-        GlareKernel,
-        split::{ShownCore, angle_of_chord_squared, chord_squared},
+use super::{Cell, Source, cell_of, direction_of_cell, directions_in_cell};
+use crate::{
+    photometry::{
+        glare::{
+            GlareKernel,
+            split::{ShownCore, angle_of_chord_squared, chord_squared},
+        },
+        rec709::luminance,
     },
-    rec709::luminance,
+    scene::surroundings::LocalSky,
 };
 
 /// Cells along an edge of a face in which the veil is estimated.
@@ -60,7 +63,12 @@ pub struct Sprites {
     pub regions: Vec<SpriteCell>,
 }
 
-/// Estimate of the veil over a part of the sky, as if all light were scattered.
+/// Share of the sky's own light that counts as veil. With all of it, the standard deviation of the error would be within the tolerance, but the greatest
+/// error, at stars of clusters, would be five times the tolerance. With this share it is once to twice the tolerance.
+const SHARE_OF_SKY: f64 = 0.1;
+
+/// Estimate of the veil over a part of the sky, as if all light were scattered. It includes a share of the light that the sky itself scatters in the
+/// eye. All of that light is as bright as the sky.
 pub(super) struct Veil {
     cd_m2: Vec<f64>,
     /// For each cell, the luminance below which no single source is visible.
@@ -68,7 +76,8 @@ pub(super) struct Veil {
 }
 
 impl Veil {
-    pub(super) fn new(kernel: &dyn GlareKernel, cells: &[Cell], hidden: Hidden) -> Self {
+    /// Estimates the veil of the light in `cells` and of the light of the sky.
+    pub(super) fn new(kernel: &dyn GlareKernel, cells: &[Cell], local_sky: Option<&LocalSky>, hidden: Hidden) -> Self {
         // Spread the light of a cell over the cell, so that a source does not hide its own glare: within the cell, use the kernel's value at the edge
         // of the cell, but at least a hundredth of its mean, since the kernel may end before the edge.
         let spread_rad = 2.0 / (cells.len() as f64 / 6.0).sqrt();
@@ -79,7 +88,8 @@ impl Veil {
         let lights: Vec<(DVec3, f64)> = cells.iter().map(|cell| (cell.direction, luminance(cell.light))).collect();
         let luminance_at = |index: usize| {
             let direction = direction_of_cell(index, VEIL_CELLS);
-            lights.iter().map(|(from, lx)| lx * per_sr((direction - *from).length_squared())).sum()
+            let of_stars: f64 = lights.iter().map(|(from, lx)| lx * per_sr((direction - *from).length_squared())).sum();
+            of_stars + local_sky.map_or(0.0, |sky| SHARE_OF_SKY * least_sky_cd_m2(sky, index))
         };
         let cd_m2: Vec<f64> = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(luminance_at).collect();
         let hidden_cd_m2 = cd_m2.iter().map(|veil| hidden.behind_cd_m2(*veil)).collect();
@@ -109,6 +119,14 @@ impl Veil {
     }
 }
 
+/// Least luminance of the sky in a cell of a [`Veil`], cd/m^2. It is 0 if the cell contains ground.
+fn least_sky_cd_m2(sky: &LocalSky, index: usize) -> f64 {
+    const ALONG_EDGE: u32 = 4;
+    directions_in_cell(index, VEIL_CELLS, ALONG_EDGE)
+        .map(|direction| luminance(sky.luminance_cd_m2(direction)))
+        .fold(f64::INFINITY, f64::min)
+}
+
 /// Number of brightness ranges, a quarter of an e-fold each, starting at [`LEAST_LN_LX`].
 const BRIGHTNESSES: usize = 224;
 const PER_E_FOLD: f64 = 4.0;
@@ -117,6 +135,7 @@ const LEAST_LN_LX: f64 = -42.0;
 const CELL_SR: f64 = 4.0 * PI / (6 * VEIL_CELLS * VEIL_CELLS) as f64;
 
 /// Brightness of the sources in each cell of a [`Veil`]: sums of illuminances by brightness range, lx.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Brightnesses {
     lx: Vec<[f64; BRIGHTNESSES]>,
 }

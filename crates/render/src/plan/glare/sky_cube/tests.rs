@@ -1,5 +1,13 @@
+use std::f64::consts::PI;
+
+use glam::DMat3;
+
 use super::*;
-use crate::{catalogue::StarRecord, photometry::glare::InverseSquareKernel, photometry::rec709::luminance};
+use crate::{
+    catalogue::StarRecord,
+    photometry::{atmosphere::Air, glare::InverseSquareKernel, rec709::luminance},
+    scene::surroundings::{Ground, Horizon, Surroundings},
+};
 
 fn sky(stars: u32) -> StarSet {
     let records = (0..stars)
@@ -48,8 +56,8 @@ fn cells_contain_their_centres() {
 #[test]
 fn all_light_is_distributed_exactly_once() {
     let set = sky(20_000);
-    let glare = SkyCubePlan::new(&set, &kernel(), &settings(), None);
-    let total: f64 = glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum();
+    let glare = SkyCubePlan::new(&set, &kernel(), &settings(), None, None);
+    let total: f64 = glare.light.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum();
     let expected: f64 = set
         .iter()
         .map(|(place, at_infinity, star)| {
@@ -58,7 +66,7 @@ fn all_light_is_distributed_exactly_once() {
         })
         .sum();
     assert!((total / expected - 1.0).abs() < 1e-5, "{total} {expected}");
-    for level in &glare.levels[1..] {
+    for level in &glare.light.levels[1..] {
         let sum: f64 = level.cells.iter().map(|cell| luminance(cell.light)).sum();
         assert!((sum / total - 1.0).abs() < 1e-9);
     }
@@ -66,9 +74,9 @@ fn all_light_is_distributed_exactly_once() {
     let share = |level: &Level| {
         let step = level.end_squared / (TABLE_ENTRIES - 1) as f64;
         let ends = 0.5 * (level.table[0] + level.table[TABLE_ENTRIES - 1]);
-        std::f64::consts::PI * step * (level.table.iter().sum::<f64>() - ends)
+        PI * step * (level.table.iter().sum::<f64>() - ends)
     };
-    let smooth: f64 = glare.levels.iter().map(share).sum();
+    let smooth: f64 = glare.light.levels.iter().map(share).sum();
     assert!(!glare.sprites.sprites.is_empty());
     for class in &glare.classes {
         let bumps: f64 = class.bumps.iter().map(|light| luminance(*light) * bump_share(glare.bump_squared)).sum();
@@ -94,7 +102,7 @@ fn all_light_is_distributed_exactly_once() {
 
 #[test]
 fn sprites_are_found_by_their_cells() {
-    let glare = SkyCubePlan::new(&sky(5000), &kernel(), &settings(), None);
+    let glare = SkyCubePlan::new(&sky(5000), &kernel(), &settings(), None, None);
     let Sprites { sprites, cells, regions } = &glare.sprites;
     let held = |cell: &SpriteCell| cell.first as usize..(cell.first + cell.count) as usize;
     assert_eq!(cells.iter().map(|cell| held(cell).len()).sum::<usize>(), sprites.len());
@@ -114,17 +122,18 @@ fn sprites_are_found_by_their_cells() {
 #[test]
 fn only_stars_in_different_directions_are_separate_for_each_eye() {
     let set = sky(300);
-    let far = SkyCubePlan::new(&set, &kernel(), &settings(), None);
-    assert!(far.near.is_empty());
+    let far = SkyCubePlan::new(&set, &kernel(), &settings(), None, None);
+    assert!(far.light.near.is_empty());
     let near_pc = 5.0;
     let near = SkyCubePlan::new(
         &set,
         &kernel(),
         &SkyCubeSettings { farthest_eye_pc: near_pc * SHARED_PARALLAX_RAD, ..settings() },
         None,
+        None,
     );
-    assert!(!near.near.is_empty() && near.near.iter().all(|star| star.place_pc.length() < near_pc));
-    let light = |glare: &SkyCubePlan| glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum::<f64>();
+    assert!(!near.light.near.is_empty() && near.light.near.iter().all(|star| star.place_pc.length() < near_pc));
+    let light = |glare: &SkyCubePlan| glare.light.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum::<f64>();
     let own: f64 = near.near_for(DVec3::ZERO, None, None).iter().map(|(_, light)| luminance(*light)).sum();
     assert!(((light(&near) + own) / light(&far) - 1.0).abs() < 1e-9);
 }
@@ -163,4 +172,41 @@ fn cameras_in_a_cube_share_the_position_of_their_map() {
     assert!((place_pc - far_pc).length() * PARSEC_M <= 1.001 * farthest_m);
     assert_eq!(map_place_pc(place_pc + DVec3::X * 1e3 / PARSEC_M), place_pc);
     assert_ne!(map_place_pc(place_pc + DVec3::X * SHARED_CUBE_M / PARSEC_M), place_pc);
+}
+
+#[test]
+fn plans_with_the_same_cells_share_the_light_of_the_stars() {
+    let set = sky(20_000);
+    let other = SkyCubeSettings { tolerance: 0.03, pixel_classes_rad: vec![pixel_class_rad(0.002)], ..settings() };
+    assert!(settings().has_same_cells(&other, &set));
+    let plan = SkyCubePlan::new(&set, &kernel(), &settings(), None, None);
+    let shared = SkyCubePlan::new(&set, &kernel(), &other, Some(&plan), None);
+    assert!(Arc::ptr_eq(&plan.light, &shared.light));
+    assert_eq!(shared, SkyCubePlan::new(&set, &kernel(), &other, None, None));
+    assert_ne!(shared.sprites.sprites.len(), plan.sprites.sprites.len());
+    // A display image first, then an exact one.
+    let of_display = SkyCubeSettings { least_cd_m2: 1e-3, ..settings() };
+    assert!(settings().has_same_cells(&of_display, &set));
+    let display = SkyCubePlan::new(&set, &kernel(), &of_display, None, None);
+    assert_eq!(SkyCubePlan::new(&set, &kernel(), &settings(), Some(&display), None), plan);
+}
+
+#[test]
+fn the_light_of_the_sky_hides_faint_sources_above_the_ground() {
+    let sprites = |glow_cd_m2: f64, glare: &dyn GlareKernel| {
+        let ground = Ground { horizon: Horizon::level(0.2), albedo: 0.0, landscape: None };
+        let surroundings =
+            Surroundings { air: Some(Air::new(0.2, 0.0, [glow_cd_m2; 3])), refraction: None, ground: Some(ground) };
+        let local_sky = Some(Arc::new(LocalSky::new(&surroundings, DMat3::IDENTITY, &[], None)));
+        let settings = SkyCubeSettings { local_sky, ..settings() };
+        let sprites = SkyCubePlan::new(&sky(20_000), glare, &settings, None, None).sprites.sprites;
+        // Numbers of sprites in cells that contain ground, and high up.
+        let between = |altitudes_rad: std::ops::Range<f64>| {
+            sprites.iter().filter(|sprite| altitudes_rad.contains(&sprite.direction.y.asin())).count()
+        };
+        [between(0.0..0.215), between(0.6..PI)]
+    };
+    let [dark, bright] = [1e-9, 1.0].map(|glow| sprites(glow, &kernel()));
+    assert!(dark[0] > 20 && bright[0] == dark[0], "the glare of low stars covers dark ground: {dark:?} {bright:?}");
+    assert!(bright[1] < dark[1] / 2, "{dark:?} {bright:?}");
 }

@@ -68,7 +68,7 @@ impl Held {
         layout::SkyCubeParameters {
             soft: sky.soft.coefficients.map(|coefficient| coefficient as f32),
             soft_inverse: (1.0 / sky.soft.squared) as f32,
-            edge_cells: sky.levels[0].edge_cells,
+            edge_cells: sky.light.levels[0].edge_cells,
             regions: sky.sprites.regions.len() as u32,
             constant,
             inner_squared,
@@ -88,7 +88,7 @@ impl Held {
             core: class.shown.core.coefficients.map(|coefficient| coefficient as f32),
             core_squared: class.shown.core.squared as f32,
             greatest_inverse: (1.0 / class.least_squared) as f32,
-            first_point: map_points(self.sky.levels[0].edge_cells) * index as u32,
+            first_point: map_points(self.sky.light.levels[0].edge_cells) * index as u32,
             first_near: near.start,
             near_count: near.end - near.start,
         }
@@ -310,14 +310,14 @@ impl MapPasses {
             [kernel.constant(), kernel.inner_rad() * kernel.inner_rad()].map(|value| value as f32)
         });
         far.keep_for(&key.stars, key.settings.faintest_lx);
-        let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings, Some(far));
-        let points = map_points(sky.levels[0].edge_cells);
-        let map = points_buffer(gpu, "glare map", points * sky.classes.len() as u32);
-        let finest = LevelBuffers::new(gpu, &sky.levels[0]);
         let same = held.find(|held| held.key.has_same_cells(&key));
+        let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings, same.map(|held| &held.sky), Some(far));
+        let points = map_points(sky.light.levels[0].edge_cells);
+        let map = points_buffer(gpu, "glare map", points * sky.classes.len() as u32);
+        let finest = LevelBuffers::new(gpu, &sky.light.levels[0]);
         let scattered = match same {
             Some(held) => held.scattered.clone(),
-            None => self.gather_levels(gpu, pass, &finest, &sky.levels[1..]),
+            None => self.gather_levels(gpu, pass, &finest, &sky.light.levels[1..]),
         };
         // The finest level, with the bumps of each class of pixel size.
         for (index, class) in sky.classes.iter().enumerate() {
