@@ -1,28 +1,33 @@
 //! Preparation of the first frame: loads stars and compiles pipelines, with progress.
 
 use std::sync::Arc;
+use std::thread::{self, JoinHandle};
 
 use super::CliError;
 use super::progress::Progress;
 use crate::catalogue::chunks::StarSet;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::store::Store;
-use crate::config::Config;
-use crate::gpu::{Gpu, GpuOptions};
+use crate::config::{Config, ConfigError};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
 use crate::scene::loader::{LoadError, LoadReport, StarSource, import_stars, load_stars};
 use crate::service::StartProgress;
 
-/// Opens the adapter, and meanwhile computes everything of a configuration's scene except the stars.
-pub fn open(config: &Config, options: &GpuOptions) -> Result<(Renderer, Arc<SceneObjects>), CliError> {
-    let (renderer, objects) = std::thread::scope(|scope| {
-        let objects = scope.spawn(|| config.objects());
-        let renderer = Gpu::open(options).map(Renderer::new);
-        (renderer, objects.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    });
-    Ok((renderer?, Arc::new(objects?)))
+/// Everything of a scene except the stars, computed by a thread while the adapter is opened.
+pub struct ComingObjects(JoinHandle<Result<SceneObjects, ConfigError>>);
+
+impl ComingObjects {
+    /// Begins to compute the scene of a configuration.
+    pub fn begin(config: &Config) -> Self {
+        let config = config.clone();
+        Self(thread::spawn(move || config.objects()))
+    }
+
+    fn wait(self) -> Result<Arc<SceneObjects>, CliError> {
+        Ok(Arc::new(self.0.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?))
+    }
 }
 
 /// The scene of a configuration.
@@ -37,18 +42,18 @@ pub struct LoadedScene {
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the stars of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. `objects`: the rest of its scene. Also
-/// reports the progress to `told`.
+/// Loads the scene of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. Also reports the progress to `told`.
 pub fn scene(
     config: &Config,
-    objects: Arc<SceneObjects>,
+    objects: ComingObjects,
     groups: &[FrameGroup],
     wanted: Wanted,
     renderer: &mut Renderer,
     told: Option<&StartProgress>,
 ) -> Result<LoadedScene, CliError> {
+    let objects = objects.wait()?;
     warn_of_asteroids_between_eyes(config, groups);
-    let (prepared, loaded) = std::thread::scope(|scope| {
+    let (prepared, loaded) = thread::scope(|scope| {
         let preparing = scope.spawn(|| {
             tracing::info!("preparing shaders");
             let progress = Progress::of_start(told, "shaders");

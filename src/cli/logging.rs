@@ -34,7 +34,8 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
     let most = filter.max_level_hint();
     let (exporting, traces) = telemetry::start()?.unzip();
     subscriber(filter, traces.map(Layer::boxed)).try_init().map_err(|error| wrong(error.to_string()))?;
-    // Only graphics libraries log through `log`, with a line for every expression of a shader. No other layer than the filtered one needs them.
+    // Only the filtered layer reads lines of the `log` crate; the other layers read targets that use `tracing`. Without this limit, Naga formats a line for
+    // every expression of a shader.
     if let Some(most) = most {
         log::set_max_level(as_log(most));
     }

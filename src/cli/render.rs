@@ -8,14 +8,14 @@ use clap::{Args, ValueEnum};
 use super::{
     CliError, audits, explain,
     inputs::Inputs,
-    load::{self, LoadedScene},
+    load::{self, ComingObjects, LoadedScene},
     results,
 };
 use crate::audit::{AuditedScene, audit_into};
 use crate::files;
-use crate::gpu::{AdapterReport, GpuOptions};
+use crate::gpu::{AdapterReport, Gpu, GpuOptions};
 use crate::output::{check_folder, pack, provenance::Provenance, write_frames};
-use crate::render::{Frame, FrameRequest, RenderError, Wanted};
+use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
 /// Maximum size of a manifest, bytes.
@@ -91,7 +91,8 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
         );
     }
     // Open the adapter and check that it can draw the views.
-    let (mut renderer, objects) = load::open(config, options)?;
+    let objects = ComingObjects::begin(config);
+    let mut renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
     if let Some(recorded) = &recorded {
@@ -127,7 +128,12 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
     let log_written = |path: &Path| tracing::info!("wrote {}", path.display());
     let SceneSnapshot { camera, objects, .. } = &snapshot;
     let provenance = inputs.provenance(renderer.adapter(), camera, objects.time_s, &report)?;
-    for path in write_frames(&arguments.out, &rig, &frames, &provenance, &log_written)? {
+    let written = std::thread::scope(|scope| {
+        // Release the adapter's memory meanwhile.
+        scope.spawn(move || drop(renderer));
+        write_frames(&arguments.out, &rig, &frames, &provenance, &log_written)
+    });
+    for path in written? {
         results::line(path.display())?;
     }
     audits::check(&frames)

@@ -13,16 +13,16 @@ use tokio::task;
 use self::cluster::ClusterRole;
 use super::{
     CliError,
-    load::{self, LoadedScene},
+    load::{self, ComingObjects, LoadedScene},
     results, show,
 };
 use crate::config::{Config, PackingConfig, WindowConfig, parse_listen};
-use crate::gpu::GpuOptions;
+use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::platform::{signals, supervisor};
 use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::loader::{LoadReport, LoadedCatalogue};
-use crate::scene::{Camera, SceneObjects, SceneSnapshot};
+use crate::scene::{Camera, SceneSnapshot};
 use crate::service::{
     self, Access, AccessSource, Address, EarlyServer, HeadsetOptions, NetworkOptions, SceneCatalogue, ServeError,
     ServeOptions, Shutdown, StartProgress, WindowsEnd, WindowsOptions,
@@ -100,7 +100,8 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     if let Some(path) = &state {
         service::check_state(path).map_err(|error| CliError::Serve(error.into()))?;
     }
-    let (renderer, objects) = load::open(&config, options)?;
+    let objects = ComingObjects::begin(&config);
+    let renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     block_on_and_leave(runtime, async {
         // From here on, a signal causes an orderly shutdown, even while stars are still loading.
@@ -196,7 +197,7 @@ fn access(arguments: &ServeArguments) -> AccessSource {
 /// requests it: the scene may have changed by then.
 fn start(
     config: &Config,
-    objects: Arc<SceneObjects>,
+    objects: ComingObjects,
     groups: &[FrameGroup],
     camera: Camera,
     mut renderer: Renderer,

@@ -12,11 +12,11 @@ use clap::Args;
 use super::ending::ended_by_signal;
 use super::{
     CliError,
-    load::{self, LoadedScene},
+    load::{self, ComingObjects, LoadedScene},
     lock, results,
 };
 use crate::config::{Config, WindowConfig};
-use crate::gpu::GpuOptions;
+use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::overlay::Overlay;
@@ -85,7 +85,8 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
     }
     // Check everything that can be refused before loading the stars, which takes longest.
     windows::check_display()?;
-    let (mut renderer, objects) = load::open(&config, options)?;
+    let objects = ComingObjects::begin(&config);
+    let mut renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let ended = ended_by_signal().map_err(CliError::Runtime)?;
     let wanted = wanted_by(&of_windows);

@@ -157,7 +157,8 @@ pub(crate) fn png_of(
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     // A higher compression level would not make dithered black much smaller.
     encoder.set_compression(png::Compression::Fast);
-    // The filter that is best for most lines of dithered skies. Choosing one for each line takes 20 % longer, for files that are at most 3 % smaller.
+    // The filter that is best for most lines of dithered skies. With a filter for each line, encoding takes 20 to 50 % longer, and files are at most 3 %
+    // smaller.
     encoder.set_filter(png::Filter::Avg);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(samples)?;

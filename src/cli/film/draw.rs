@@ -14,7 +14,7 @@ use super::super::progress::FilmProgress;
 use super::super::{
     CliError,
     inputs::{Inputs, sha256},
-    load::{self, LoadedScene},
+    load::{self, ComingObjects, LoadedScene},
     results,
 };
 use crate::config::{Config, FilmPath};
@@ -313,10 +313,10 @@ impl Film {
         record: &FilmRecord,
         missing: &[u32],
     ) -> Result<(), CliError> {
-        let of_render = |error: RenderError| CliError::render(error, &self.inputs.config.origin);
-        let groups = self.config_at(f64::from(missing[0])).frame_groups()?;
         let config = &self.inputs.config;
-        let objects = Arc::new(config.objects()?);
+        let of_render = |error: RenderError| CliError::render(error, &config.origin);
+        let groups = self.config_at(f64::from(missing[0])).frame_groups()?;
+        let objects = ComingObjects::begin(config);
         let LoadedScene { stars, report, objects, prepared } =
             load::scene(config, objects, &groups, self.wanted(), renderer, None)?;
         prepared.map_err(of_render)?;

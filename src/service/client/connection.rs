@@ -332,7 +332,7 @@ pub struct Client {
 }
 
 /// Maximum size of the frames into which HTTP/2 divides a message, bytes. The daemon makes a system call for each, and the default is 16 KiB.
-const MOST_FRAME_BYTES: u32 = 1 << 20;
+const MOST_HTTP2_FRAME_BYTES: u32 = 1 << 20;
 
 impl Client {
     /// Connects to a daemon at, for example, `http://127.0.0.1:7143` or `unix:PATH`.
@@ -356,7 +356,7 @@ impl Client {
         // These intervals reveal a daemon that hangs within 15 s.
         endpoint = endpoint
             .tcp_nodelay(true)
-            .max_frame_size(MOST_FRAME_BYTES)
+            .max_frame_size(MOST_HTTP2_FRAME_BYTES)
             .http2_keep_alive_interval(KEEPALIVE_INTERVAL)
             .keep_alive_timeout(KEEPALIVE_TIMEOUT)
             .keep_alive_while_idle(true);

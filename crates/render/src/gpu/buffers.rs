@@ -185,11 +185,32 @@ impl ReadbackBuffer {
         count: usize,
         values: &mut Vec<T>,
     ) -> Result<(), GpuError> {
-        let bytes = (count * size_of::<T>()) as u64;
-        let buffer = self.buffers[place.buffer].with_room(gpu, self.used[place.buffer]);
-        let view = buffer.slice(place.offset..place.offset + bytes).get_mapped_range()?;
+        let view = self.mapped(gpu, place, count * size_of::<T>())?;
         values.extend_from_slice(bytemuck::cast_slice(&view));
         Ok(())
+    }
+
+    /// Appends items to `values`, each of which is joined from a value at the first place and one at the second. The caller must have waited for the
+    /// device.
+    pub(crate) fn append_joined<T: Pod, U>(
+        &mut self,
+        gpu: &Gpu,
+        places: [ReadbackPlace; 2],
+        count: usize,
+        join: impl Fn(&T, &T) -> U,
+        values: &mut Vec<U>,
+    ) -> Result<(), GpuError> {
+        let [first, second] = places;
+        let first = self.mapped(gpu, first, count * size_of::<T>())?;
+        let second = self.mapped(gpu, second, count * size_of::<T>())?;
+        let pairs = bytemuck::cast_slice::<u8, T>(&first).iter().zip(bytemuck::cast_slice::<u8, T>(&second));
+        values.extend(pairs.map(|(first, second)| join(first, second)));
+        Ok(())
+    }
+
+    fn mapped(&mut self, gpu: &Gpu, place: ReadbackPlace, bytes: usize) -> Result<wgpu::BufferView, GpuError> {
+        let buffer = self.buffers[place.buffer].with_room(gpu, self.used[place.buffer]);
+        Ok(buffer.slice(place.offset..place.offset + bytes as u64).get_mapped_range()?)
     }
 
     /// Unmaps the buffers after reading.

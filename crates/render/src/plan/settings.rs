@@ -30,7 +30,8 @@ pub struct AccuracySettings {
     /// Standard deviation of the displayed flux of a star over its sub-pixel positions, divided by the mean.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub flicker: f64,
-    /// `sky_cube`: a source is drawn individually if its veil exceeds this fraction of the veil around it.
+    /// `sky_cube`: a source is drawn individually if its veil exceeds this fraction of the veil around it. In air, a twentieth of the
+    /// glow of the night sky counts as veil in exact images.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub glare: f64,
     /// Display images: error compared with an exact frame, codes of 8 bits. 0 draws them as exactly as HDR images.

@@ -134,10 +134,9 @@ impl Renderer {
             if let (Some(place), Some(display)) = (tile.display, &mut images[index].display) {
                 readback.append(gpu, place, tile.pixels * DISPLAY_BYTES as usize, display)?;
             }
-            if let (Some([first, second]), Some(hdr)) = (tile.hdr, &mut images[index].hdr) {
-                let red_green: Vec<[f32; 2]> = readback.read(gpu, first, tile.pixels)?;
-                let blue_omega: Vec<[f32; 2]> = readback.read(gpu, second, tile.pixels)?;
-                hdr.extend(red_green.iter().zip(&blue_omega).map(|([r, g], [b, omega])| [*r, *g, *b, *omega]));
+            if let (Some(planes), Some(hdr)) = (tile.hdr, &mut images[index].hdr) {
+                let join = |[r, g]: &[f32; 2], [b, omega]: &[f32; 2]| [*r, *g, *b, *omega];
+                readback.append_joined(gpu, planes, tile.pixels, join, hdr)?;
             }
         }
         // Corrections of projectors.

@@ -23,7 +23,7 @@ pub const LOWEST_ARRIVING: f64 = -0.032;
 /// Sines between which refraction fades with depth: it is zero at the first and unreduced from the second on.
 /// Such low directions meet the ground.
 pub const FADING: [f64; 2] = [-0.07, -0.02];
-/// Sine by which a direction must be lower than the first of these for its refraction to be 0 without an iteration.
+/// Margin below the first of these: at lower sines refraction is 0 without an iteration.
 const FADING_MARGIN: f64 = 1e-3;
 /// Change of the refraction at which an iteration ends, rad.
 const LEAST_CHANGE: f64 = 1e-13;

@@ -121,14 +121,14 @@ fn ln_luminance_of(y: f64, temperature_k: f64) -> f64 {
 
 /// Colour and luminance of a black body, from one sum over its spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BlackBody {
+pub struct Blackbody {
     /// The colour of [`rec709_in_gamut`].
     pub colour: [f64; 3],
     /// The value of [`ln_luminance_cd_m2`].
     pub ln_luminance: f64,
 }
 
-impl BlackBody {
+impl Blackbody {
     /// The black body of `temperature_k`. Temperatures outside 1 to 1e12 K give the limits; NaN gives NaN.
     pub fn new(temperature_k: f64) -> Self {
         let xyz = tristimulus(temperature_k);
@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn one_sum_gives_the_colour_and_the_luminance() {
         for temperature_k in [0.5, 900.0, 3000.0, 5772.0, 4e4, 1e13] {
-            let BlackBody { colour, ln_luminance } = BlackBody::new(temperature_k);
+            let Blackbody { colour, ln_luminance } = Blackbody::new(temperature_k);
             assert_eq!(colour, rec709_in_gamut(temperature_k));
             assert_eq!(ln_luminance, ln_luminance_cd_m2(temperature_k));
         }

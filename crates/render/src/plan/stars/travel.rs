@@ -14,7 +14,7 @@ use crate::{
         packed::{MAX_TEMPERATURE_K, MIN_TEMPERATURE_K, TEMPERATURE_STEPS, temperature_of_step_k},
         spectra::Spectrum,
     },
-    photometry::blackbody::BlackBody,
+    photometry::blackbody::Blackbody,
     relativity::{MAX_SPEED_C, Motion, doppler_factor},
 };
 
@@ -55,7 +55,7 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
             .ok()
             .filter(|step| *step < TEMPERATURE_STEPS)
             .map_or_else(|| temperature_of_shifted_step_k(step as f64), temperature_of_step_k);
-        let BlackBody { colour, ln_luminance } = BlackBody::new(kelvin);
+        let Blackbody { colour, ln_luminance } = Blackbody::new(kelvin);
         (colour.map(|channel| channel as f32), ln_luminance)
     };
     let (colours, ln_luminance): (Vec<_>, Vec<_>) = (0..TABLE_STEPS).map(black_body).unzip();

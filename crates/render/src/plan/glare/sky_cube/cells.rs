@@ -178,10 +178,15 @@ impl Sky<'_> {
         })
     }
 
-    /// Bins the stars of the visible chunks, with `cells` cells along an edge of a face. With `far`, most distant stars are not read, and the stars
-    /// are not counted by brightness.
-    pub(super) fn gather(&self, visible: &[VisibleChunk], cells: u32, far: Option<&mut FarLight>) -> Gathered {
-        let counts_brightnesses = far.is_none();
+    /// Bins the stars of the visible chunks, with `cells` cells along an edge of a face. `counts_brightnesses`: whether the stars are also counted by
+    /// brightness. With `far`, most distant stars are not read.
+    pub(super) fn gather(
+        &self,
+        visible: &[VisibleChunk],
+        cells: u32,
+        counts_brightnesses: bool,
+        far: Option<&mut FarLight>,
+    ) -> Gathered {
         let (distant, near) = match far {
             Some(far) => far.seen(self, visible, cells),
             None => (Vec::new(), visible.iter().collect()),

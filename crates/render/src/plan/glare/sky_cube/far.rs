@@ -202,7 +202,7 @@ mod tests {
     fn cells(set: &StarSet, place_pc: DVec3, far: Option<&mut FarLight>) -> Vec<Cell> {
         let visible = visible_everywhere(set, place_pc, None, 0.0);
         let sky = Sky { set, place_pc, motion: None, local_sky: None, faintest_lx: 0.0, near_pc: 1e-6 };
-        sky.gather(&visible, FINEST_CELLS, far).cells
+        sky.gather(&visible, FINEST_CELLS, false, far).cells
     }
 
     /// Returns two relative differences: the greatest of the light around any direction, with Gaussian weights of a standard deviation of 3 degrees,

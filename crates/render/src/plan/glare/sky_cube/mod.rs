@@ -17,7 +17,6 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use self::cells::directions_in_cell;
 pub use self::{
     cells::{Cell, cell_of, direction_of_cell},
     far::FarLight,
@@ -83,7 +82,7 @@ pub struct SkyCubeSettings {
     pub faintest_lx: f64,
     /// Distance from `place_pc` to the farthest eye, pc.
     pub farthest_eye_pc: f64,
-    /// Relative error of the veil that all sources that are not drawn individually may cause together.
+    /// Relative error of the veil that all sources that are not drawn individually may cause together: a standard deviation.
     pub tolerance: f64,
     /// Absolute error of the same veil, in cd/m^2 as if all light were scattered. It is invisible in a display image, and 0 for exact images.
     pub least_cd_m2: f64,
@@ -113,6 +112,11 @@ impl SkyCubeSettings {
             && *faintest_lx == other.faintest_lx
             && *farthest_eye_pc == other.farthest_eye_pc
             && self.keeps_far(set) == other.keeps_far(set)
+    }
+
+    /// Whether the map is for exact frames.
+    fn is_exact(&self) -> bool {
+        self.least_cd_m2 == 0.0
     }
 
     /// The stars as these settings show them.
@@ -191,14 +195,14 @@ pub struct PixelClass {
     pub bumps: Vec<[f64; 3]>,
 }
 
-/// Light of all stars, as sources of glare. It does not depend on the exposure, nor on the pixels of the views.
+/// Light of all stars, as sources of glare. It depends neither on the exposure nor on the pixels of the views.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StarLight {
     /// Cells and kernels, the finest level first.
     pub levels: Vec<Level>,
     /// Stars that each eye sees in a different direction, at most [`MOST_NEAR`].
     pub near: Vec<NearStar>,
-    /// Stars in the cells, by brightness; `None` if the light comes from [`FarLight`].
+    /// Stars in the cells, by brightness, for the plans of exact frames.
     brightnesses: Option<sprites::Brightnesses>,
 }
 
@@ -207,7 +211,11 @@ impl StarLight {
     fn new(set: &StarSet, kernel: &dyn GlareKernel, settings: &SkyCubeSettings, far: Option<&mut FarLight>) -> Self {
         let visible = visible_everywhere(set, settings.place_pc, settings.motion, settings.faintest_lx);
         let far = far.filter(|_| settings.keeps_far(set));
-        let cells::Gathered { cells, near, brightnesses } = settings.sky(set).gather(&visible, FINEST_CELLS, far);
+        // Exact frames need the brightnesses. In air, the map is kept for a minute, so a display frame counts them for an exact frame that may follow.
+        let counts_brightnesses = settings.is_exact() || settings.local_sky.is_some();
+        let sky = settings.sky(set);
+        let cells::Gathered { cells, near, brightnesses } =
+            sky.gather(&visible, FINEST_CELLS, counts_brightnesses, far);
         Self { levels: levels::of_kernel(kernel, cells), near, brightnesses }
     }
 }
@@ -240,30 +248,32 @@ struct Source {
 }
 
 impl SkyCubePlan {
-    /// Plans the glare of a set of stars. `same`: a plan with the same cells ([`SkyCubeSettings::has_same_cells`]) and kernel. Without it, all stars
-    /// are read; `far` has sums of the same stars, kept from earlier plans.
+    /// Plans the glare of a set of stars. `with_same_cells`: a plan with the same cells ([`SkyCubeSettings::has_same_cells`]) and kernel, whose light is
+    /// shared if it has what this plan needs. Otherwise all stars are read; `far` has sums of the same stars, kept from earlier plans.
     pub fn new(
         set: &StarSet,
         kernel: &dyn GlareKernel,
         settings: &SkyCubeSettings,
-        same: Option<&Self>,
+        with_same_cells: Option<&Self>,
         far: Option<&mut FarLight>,
     ) -> Self {
-        let light = match same {
-            Some(same) => Arc::clone(&same.light),
+        let sufficient = with_same_cells.filter(|plan| !settings.is_exact() || plan.light.brightnesses.is_some());
+        let light = match sufficient {
+            Some(plan) => Arc::clone(&plan.light),
             None => Arc::new(StarLight::new(set, kernel, settings, far)),
         };
         let StarLight { levels, brightnesses, .. } = &*light;
         // The veil that hides individual sources.
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
         let hidden = sprites::Hidden { tolerance: settings.tolerance, least_cd_m2: settings.least_cd_m2 };
-        let local_sky = settings.local_sky.as_deref();
-        let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, local_sky, hidden);
+        // The glow of the sky hides sources of exact frames only: the threshold of other frames is their budget.
+        let glowing = settings.local_sky.as_deref().filter(|_| settings.is_exact());
+        let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, glowing, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
         // In a display image, the veil of a single source is visible if it exceeds a fraction of the budget. For an exact image the thresholds are
         // lower.
-        if let Some(brightnesses) = brightnesses.as_ref().filter(|_| settings.least_cd_m2 == 0.0) {
+        if let Some(brightnesses) = brightnesses.as_ref().filter(|_| settings.is_exact()) {
             veil.hide_less(settings.tolerance, &reach, brightnesses);
         }
         // Select the sources that are drawn individually. In each class of pixels, bumps contain the light near sources that are not drawn

@@ -1,4 +1,4 @@
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DMat3;
 
@@ -184,27 +184,36 @@ fn plans_with_the_same_cells_share_the_light_of_the_stars() {
     assert!(Arc::ptr_eq(&plan.light, &shared.light));
     assert_eq!(shared, SkyCubePlan::new(&set, &kernel(), &other, None, None));
     assert_ne!(shared.sprites.sprites.len(), plan.sprites.sprites.len());
-    // A display image first, then an exact one.
-    let of_display = SkyCubeSettings { least_cd_m2: 1e-3, ..settings() };
-    assert!(settings().has_same_cells(&of_display, &set));
-    let display = SkyCubePlan::new(&set, &kernel(), &of_display, None, None);
-    assert_eq!(SkyCubePlan::new(&set, &kernel(), &settings(), Some(&display), None), plan);
+    // A display image first, then an exact one: in space the light of the first is not sufficient for the second, in air it is.
+    for (local_sky, is_shared) in [(None, false), (Some(night(1e-4)), true)] {
+        let exact = SkyCubeSettings { local_sky, ..settings() };
+        let of_display = SkyCubeSettings { least_cd_m2: 1e-3, ..exact.clone() };
+        assert!(exact.has_same_cells(&of_display, &set));
+        let display = SkyCubePlan::new(&set, &kernel(), &of_display, None, None);
+        let after = SkyCubePlan::new(&set, &kernel(), &exact, Some(&display), None);
+        assert_eq!(Arc::ptr_eq(&after.light, &display.light), is_shared);
+        assert_eq!(after, SkyCubePlan::new(&set, &kernel(), &exact, None, None));
+    }
+}
+
+/// A sky with this glow in the zenith, above dark ground up to an altitude of 0.21 rad.
+fn night(glow_cd_m2: f64) -> Arc<LocalSky> {
+    let ground = Ground { horizon: Horizon::level(0.21), albedo: 0.0, landscape: None };
+    let surroundings =
+        Surroundings { air: Some(Air::new(0.2, 0.0, [glow_cd_m2; 3])), refraction: None, ground: Some(ground) };
+    Arc::new(LocalSky::new(&surroundings, DMat3::IDENTITY, &[], None))
 }
 
 #[test]
 fn the_light_of_the_sky_hides_faint_sources_above_the_ground() {
     let sprites = |glow_cd_m2: f64, glare: &dyn GlareKernel| {
-        let ground = Ground { horizon: Horizon::level(0.2), albedo: 0.0, landscape: None };
-        let surroundings =
-            Surroundings { air: Some(Air::new(0.2, 0.0, [glow_cd_m2; 3])), refraction: None, ground: Some(ground) };
-        let local_sky = Some(Arc::new(LocalSky::new(&surroundings, DMat3::IDENTITY, &[], None)));
-        let settings = SkyCubeSettings { local_sky, ..settings() };
+        let settings = SkyCubeSettings { local_sky: Some(night(glow_cd_m2)), ..settings() };
         let sprites = SkyCubePlan::new(&sky(20_000), glare, &settings, None, None).sprites.sprites;
         // Numbers of sprites in cells that contain ground, and high up.
         let between = |altitudes_rad: std::ops::Range<f64>| {
             sprites.iter().filter(|sprite| altitudes_rad.contains(&sprite.direction.y.asin())).count()
         };
-        [between(0.0..0.215), between(0.6..PI)]
+        [between(0.0..0.22), between(0.6..FRAC_PI_2)]
     };
     let [dark, bright] = [1e-9, 1.0].map(|glow| sprites(glow, &kernel()));
     assert!(dark[0] > 20 && bright[0] == dark[0], "the glare of low stars covers dark ground: {dark:?} {bright:?}");
