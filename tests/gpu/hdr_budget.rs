@@ -54,9 +54,10 @@ fn light_lx(frame: &Frame, image: usize) -> f64 {
 fn streamed_light_is_within_its_budget() {
     let mut renderer = renderer();
     let small = "views=[{ name = 'dome', type = 'dome_master', size = [512, 512] }, { name = 'flat', type = 'perspective', size = [640, 360], fov_y_deg = 60 }]";
-    // The scenes are a night, a night with the Moon, and dusk at a place on the Earth, and then space.
+    // The scenes are a night, a bright night in a town, a night with the Moon, and dusk at a place on the Earth, and then space.
     for (name, set) in [
         ("tonight.toml", "scene.time='2026-01-03T22:00:00Z'"),
+        ("tonight.toml", "scene.observer.air.night_sky_mag=17"),
         ("tonight.toml", "scene.time='2026-11-20T20:00:00Z'"),
         ("tonight.toml", "scene.time='2026-11-20T16:10:00Z'"),
         ("dome.toml", "exposure={ mode = 'manual', ev100 = -5.4 }"),

@@ -107,6 +107,14 @@ impl ErrorBudget {
         }
     }
 
+    /// Error relative to the luminance of a pixel that every pixel may have. Display images have none: their codes are of different sizes.
+    pub fn relative(self) -> f64 {
+        match self {
+            Self::Codes(_) => 0.0,
+            Self::Hdr { relative, .. } => relative,
+        }
+    }
+
     /// The least luminance that counts, cd/m^2; `None` if there is none. For display images with display white at `white_cd_m2` it is rounded down to half
     /// octaves. `greatest_slope` is that of the display transform ([`super::settings::ToneMapSettings::greatest_slope`]).
     pub fn step_cd_m2(self, greatest_slope: f64, white_cd_m2: f64) -> Option<f64> {

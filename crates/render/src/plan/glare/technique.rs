@@ -43,6 +43,8 @@ pub struct GlarePlan {
 pub struct VeilInSums {
     /// Luminance below which a source's veil is part of the smooth remainder, cd/m^2, as if all light were scattered.
     pub least_cd_m2: f64,
+    /// The same as a fraction of the glow of the night sky there, for images whose error may be relative to the luminance of a pixel.
+    pub least_of_glow: f64,
 }
 
 /// Parameters of the glare map of `sky_cube` that depend on the settings alone.
@@ -153,8 +155,10 @@ impl Technique for Glare {
                 let may_have_veil = may_have_veil_in_sums(settings, inputs.objects, all_viewports);
                 let budget = plan.display.step_cd_m2.zip(plan.display.budget).filter(|_| may_have_veil);
                 let fraction = plan.glare.fraction;
-                plan.glare.in_sums = budget
-                    .map(|(step, budget)| VeilInSums { least_cd_m2: budget.share_of_one_veil() * step / fraction });
+                plan.glare.in_sums = budget.map(|(step, budget)| {
+                    let share = budget.share_of_one_veil() / fraction;
+                    VeilInSums { least_cd_m2: share * step, least_of_glow: share * budget.relative() }
+                });
             }
             Step::Light => Self::report(inputs, plan),
             _ => {}

@@ -86,6 +86,8 @@ pub struct SkyCubeSettings {
     pub tolerance: f64,
     /// Absolute error of the same veil, in cd/m^2 as if all light were scattered. It is invisible in a display image, and 0 for exact images.
     pub least_cd_m2: f64,
+    /// The same as a fraction of the glow of the night sky.
+    pub least_of_glow: f64,
     /// Pixel angles of the views, rad, rounded by [`pixel_class_rad`]; ascending and distinct.
     pub pixel_classes_rad: Vec<f64>,
 }
@@ -104,6 +106,7 @@ impl SkyCubeSettings {
             tolerance: _,
             // Only whether it is 0 matters: see `keeps_far`.
             least_cd_m2: _,
+            least_of_glow: _,
             pixel_classes_rad: _,
         } = self;
         *place_pc == other.place_pc
@@ -265,10 +268,15 @@ impl SkyCubePlan {
         let StarLight { levels, brightnesses, .. } = &*light;
         // The veil that hides individual sources.
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
-        let hidden = sprites::Hidden { tolerance: settings.tolerance, least_cd_m2: settings.least_cd_m2 };
-        // The glow of the sky hides sources of exact frames only: the threshold of other frames is their budget.
-        let glowing = settings.local_sky.as_deref().filter(|_| settings.is_exact());
-        let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, glowing, hidden);
+        let hidden = sprites::Hidden {
+            tolerance: settings.tolerance,
+            least_cd_m2: settings.least_cd_m2,
+            least_of_glow: settings.least_of_glow,
+            // The threshold of other frames is their budget.
+            counts_glow: settings.is_exact(),
+        };
+        let local_sky = settings.local_sky.as_deref();
+        let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, local_sky, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
         // In a display image, the veil of a single source is visible if it exceeds a fraction of the budget. For an exact image the thresholds are

@@ -86,13 +86,15 @@ impl Veil {
         let per_sr =
             |squared: f64| if squared < spread { within } else { kernel.per_sr(angle_of_chord_squared(squared)) };
         let lights: Vec<(DVec3, f64)> = cells.iter().map(|cell| (cell.direction, luminance(cell.light))).collect();
-        let luminance_at = |index: usize| {
+        let glowing = local_sky.filter(|_| hidden.counts_glow || hidden.least_of_glow > 0.0);
+        let luminance_and_hidden = |index: usize| {
             let direction = direction_of_cell(index, VEIL_CELLS);
             let of_stars: f64 = lights.iter().map(|(from, lx)| lx * per_sr((direction - *from).length_squared())).sum();
-            of_stars + local_sky.map_or(0.0, |sky| SHARE_OF_SKY * least_glow_cd_m2(sky, index))
+            let glow = glowing.map_or(0.0, |sky| least_glow_cd_m2(sky, index));
+            let veil = if hidden.counts_glow { of_stars + SHARE_OF_SKY * glow } else { of_stars };
+            (veil, hidden.behind_cd_m2(veil, glow))
         };
-        let cd_m2: Vec<f64> = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(luminance_at).collect();
-        let hidden_cd_m2 = cd_m2.iter().map(|veil| hidden.behind_cd_m2(*veil)).collect();
+        let (cd_m2, hidden_cd_m2) = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(luminance_and_hidden).unzip();
         Self { cd_m2, hidden_cd_m2 }
     }
 
@@ -172,11 +174,15 @@ pub(super) struct Hidden {
     pub tolerance: f64,
     /// Absolute luminance, cd/m^2.
     pub least_cd_m2: f64,
+    /// Fraction of the glow of the night sky.
+    pub least_of_glow: f64,
+    /// Whether [`SHARE_OF_SKY`] counts as veil.
+    pub counts_glow: bool,
 }
 
 impl Hidden {
-    fn behind_cd_m2(&self, veil_cd_m2: f64) -> f64 {
-        (self.tolerance * veil_cd_m2).max(self.least_cd_m2)
+    fn behind_cd_m2(&self, veil_cd_m2: f64, glow_cd_m2: f64) -> f64 {
+        (self.tolerance * veil_cd_m2).max(self.least_cd_m2).max(self.least_of_glow * glow_cd_m2)
     }
 }
 

@@ -35,6 +35,7 @@ fn settings() -> SkyCubeSettings {
         farthest_eye_pc: 0.0,
         tolerance: 0.01,
         least_cd_m2: 0.0,
+        least_of_glow: 0.0,
         pixel_classes_rad: vec![pixel_class_rad(0.001), pixel_class_rad(0.02)],
     }
 }
@@ -204,18 +205,24 @@ fn night(glow_cd_m2: f64) -> Arc<LocalSky> {
     Arc::new(LocalSky::new(&surroundings, DMat3::IDENTITY, &[], None))
 }
 
+/// The glow hides faint sources in exact frames, and in frames whose error may be relative to it, but not in display images.
 #[test]
-fn the_light_of_the_sky_hides_faint_sources_above_the_ground() {
-    let sprites = |glow_cd_m2: f64, glare: &dyn GlareKernel| {
-        let settings = SkyCubeSettings { local_sky: Some(night(glow_cd_m2)), ..settings() };
-        let sprites = SkyCubePlan::new(&sky(20_000), glare, &settings, None, None).sprites.sprites;
-        // Numbers of sprites in cells that contain ground, and high up.
-        let between = |altitudes_rad: std::ops::Range<f64>| {
-            sprites.iter().filter(|sprite| altitudes_rad.contains(&sprite.direction.y.asin())).count()
-        };
-        [between(0.0..0.22), between(0.6..FRAC_PI_2)]
-    };
-    let [dark, bright] = [1e-9, 1.0].map(|glow| sprites(glow, &kernel()));
-    assert!(dark[0] > 20 && bright[0] == dark[0], "the glare of low stars covers dark ground: {dark:?} {bright:?}");
-    assert!(bright[1] < dark[1] / 2, "{dark:?} {bright:?}");
+fn the_glow_of_the_sky_hides_faint_sources_above_the_ground() {
+    let exact = settings();
+    let of_display = SkyCubeSettings { least_cd_m2: 1e-9, ..settings() };
+    let relative = SkyCubeSettings { least_of_glow: 1e-3, ..of_display.clone() };
+    for (settings, is_hidden) in [(exact, true), (relative, true), (of_display, false)] {
+        let [dark, bright] = [1e-9, 1.0].map(|glow_cd_m2| {
+            let settings = SkyCubeSettings { local_sky: Some(night(glow_cd_m2)), ..settings.clone() };
+            let sprites = SkyCubePlan::new(&sky(20_000), &kernel(), &settings, None, None).sprites.sprites;
+            // Numbers of sprites in cells that contain ground, and high up.
+            let between = |altitudes_rad: std::ops::Range<f64>| {
+                sprites.iter().filter(|sprite| altitudes_rad.contains(&sprite.direction.y.asin())).count()
+            };
+            [between(0.0..0.22), between(0.6..FRAC_PI_2)]
+        });
+        assert!(dark[0] > 20 && bright[0] == dark[0], "the glare of low stars covers dark ground: {dark:?} {bright:?}");
+        assert_eq!(bright[1] < dark[1] / 2, is_hidden, "{dark:?} {bright:?}");
+        assert!(is_hidden || bright == dark, "{dark:?} {bright:?}");
+    }
 }

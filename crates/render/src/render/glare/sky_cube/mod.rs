@@ -44,8 +44,9 @@ struct SkyScene<'a> {
     faintest_lx: f64,
     /// Relative tolerance: the largest veil that a source may add without being drawn individually.
     tolerance: f64,
-    /// The same tolerance as an absolute veil, cd/m^2, for the case that all light is scattered.
+    /// The same tolerance as an absolute veil, cd/m^2, for the case that all light is scattered, and as a fraction of the glow of the night sky.
     least_cd_m2: f64,
+    least_of_glow: f64,
 }
 
 impl<'a> SkyScene<'a> {
@@ -58,6 +59,7 @@ impl<'a> SkyScene<'a> {
             faintest_lx: parameters.faintest_lx,
             tolerance: parameters.tolerance,
             least_cd_m2: in_sums.map_or(0.0, |veil| veil.least_cd_m2),
+            least_of_glow: in_sums.map_or(0.0, |veil| veil.least_of_glow),
         }
     }
 
@@ -73,6 +75,7 @@ impl<'a> SkyScene<'a> {
             farthest_eye_pc: eye_class_m(camera_m + views.farthest_eye_m) / PARSEC_M,
             tolerance: self.tolerance,
             least_cd_m2: self.least_cd_m2,
+            least_of_glow: self.least_of_glow,
             pixel_classes_rad: views.pixel_classes_rad.clone(),
         }
     }
