@@ -15,10 +15,10 @@ use crate::scene::SceneObjects;
 use crate::scene::loader::{LoadError, LoadReport, StarSource, import_stars, load_stars};
 use crate::service::StartProgress;
 
-/// Everything of a scene except the stars, computed by a thread while the adapter is opened.
-pub struct ComingObjects(JoinHandle<Result<SceneObjects, ConfigError>>);
+/// Everything of a scene except the stars, computed by a thread: most commands open the adapter meanwhile.
+pub struct PendingObjects(JoinHandle<Result<SceneObjects, ConfigError>>);
 
-impl ComingObjects {
+impl PendingObjects {
     /// Begins to compute the scene of a configuration.
     pub fn begin(config: &Config) -> Self {
         let config = config.clone();
@@ -45,7 +45,7 @@ pub struct LoadedScene {
 /// Loads the scene of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. Also reports the progress to `told`.
 pub fn scene(
     config: &Config,
-    objects: ComingObjects,
+    objects: PendingObjects,
     groups: &[FrameGroup],
     wanted: Wanted,
     renderer: &mut Renderer,

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::{
     CliError, audits, explain,
     inputs::Inputs,
-    load::{self, ComingObjects, LoadedScene},
+    load::{self, LoadedScene, PendingObjects},
     results,
 };
 use crate::audit::{AuditedScene, audit_into};
@@ -91,7 +91,7 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
         );
     }
     // Open the adapter and check that it can draw the views.
-    let objects = ComingObjects::begin(config);
+    let objects = PendingObjects::begin(config);
     let mut renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 

@@ -13,7 +13,7 @@ use tokio::task;
 use self::cluster::ClusterRole;
 use super::{
     CliError,
-    load::{self, ComingObjects, LoadedScene},
+    load::{self, LoadedScene, PendingObjects},
     results, show,
 };
 use crate::config::{Config, PackingConfig, WindowConfig, parse_listen};
@@ -100,7 +100,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     if let Some(path) = &state {
         service::check_state(path).map_err(|error| CliError::Serve(error.into()))?;
     }
-    let objects = ComingObjects::begin(&config);
+    let objects = PendingObjects::begin(&config);
     let renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     block_on_and_leave(runtime, async {
@@ -197,7 +197,7 @@ fn access(arguments: &ServeArguments) -> AccessSource {
 /// requests it: the scene may have changed by then.
 fn start(
     config: &Config,
-    objects: ComingObjects,
+    objects: PendingObjects,
     groups: &[FrameGroup],
     camera: Camera,
     mut renderer: Renderer,

@@ -12,7 +12,7 @@ use clap::Args;
 use super::ending::ended_by_signal;
 use super::{
     CliError,
-    load::{self, ComingObjects, LoadedScene},
+    load::{self, LoadedScene, PendingObjects},
     lock, results,
 };
 use crate::config::{Config, WindowConfig};
@@ -85,7 +85,7 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
     }
     // Check everything that can be refused before loading the stars, which takes longest.
     windows::check_display()?;
-    let objects = ComingObjects::begin(&config);
+    let objects = PendingObjects::begin(&config);
     let mut renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let ended = ended_by_signal().map_err(CliError::Runtime)?;

@@ -14,7 +14,7 @@ use super::super::progress::FilmProgress;
 use super::super::{
     CliError,
     inputs::{Inputs, sha256},
-    load::{self, ComingObjects, LoadedScene},
+    load::{self, LoadedScene, PendingObjects},
     results,
 };
 use crate::config::{Config, FilmPath};
@@ -316,7 +316,7 @@ impl Film {
         let config = &self.inputs.config;
         let of_render = |error: RenderError| CliError::render(error, &config.origin);
         let groups = self.config_at(f64::from(missing[0])).frame_groups()?;
-        let objects = ComingObjects::begin(config);
+        let objects = PendingObjects::begin(config);
         let LoadedScene { stars, report, objects, prepared } =
             load::scene(config, objects, &groups, self.wanted(), renderer, None)?;
         prepared.map_err(of_render)?;

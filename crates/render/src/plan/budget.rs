@@ -26,6 +26,8 @@ pub(super) const CODES: f64 = 255.0;
 const SHARE_OF_ONE_VEIL: f64 = 0.2;
 /// The same fraction for HDR images. Their budget is a luminance, while the budget of a display image is a step between its darkest codes.
 const SHARE_OF_ONE_VEIL_HDR: f64 = 0.04;
+/// The same fraction of the allowed relative error, times the glow of the night sky. Every pixel is at least as bright as the glow, and few veils overlap.
+const SHARE_OF_ONE_VEIL_OF_GLOW: f64 = 0.2;
 
 /// Number of budget steps per octave. Exposures that differ by less than a step share the data that depends on the budget.
 const STEPS_PER_OCTAVE: f64 = 2.0;
@@ -107,11 +109,12 @@ impl ErrorBudget {
         }
     }
 
-    /// Error relative to the luminance of a pixel that every pixel may have. Display images have none: their codes are of different sizes.
-    pub fn relative(self) -> f64 {
+    /// Threshold above which the veil of a source is drawn individually in air, as a fraction of the glow of the night sky; 0 for display images, whose
+    /// budget is in codes.
+    pub fn share_of_glow(self) -> f64 {
         match self {
             Self::Codes(_) => 0.0,
-            Self::Hdr { relative, .. } => relative,
+            Self::Hdr { relative, .. } => SHARE_OF_ONE_VEIL_OF_GLOW * relative,
         }
     }
 

@@ -33,17 +33,18 @@ pub struct GlarePlan {
     pub weights: PyramidWeights,
     /// `sky_cube`: sources of glare from asteroid fields, for the eye of each viewport; empty without fields.
     pub extended_sources: Vec<Vec<ExtendedSource>>,
-    /// `sky_cube` for frames with display images only: the veil of single sources is added to the sums of light together with the stars,
+    /// `sky_cube` for frames within an error budget: the veil of single sources is added to the sums of light together with the stars,
     /// and the rest is read from a coarse grid. `None`: glare is added to the finished pictures.
     pub in_sums: Option<VeilInSums>,
 }
 
-/// Glare of frames with display images only.
+/// Glare of frames within an error budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VeilInSums {
     /// Luminance below which a source's veil is part of the smooth remainder, cd/m^2, as if all light were scattered.
     pub least_cd_m2: f64,
-    /// The same as a fraction of the glow of the night sky there, for images whose error may be relative to the luminance of a pixel.
+    /// Further threshold, as a fraction of the glow of the night sky there, for images whose error may be relative to the luminance of a pixel. The
+    /// larger one applies.
     pub least_of_glow: f64,
 }
 
@@ -128,6 +129,10 @@ impl Glare {
             };
             plan.report.certificate.push(bound("glare of a source too faint to be drawn individually", tolerance));
             plan.report.certificate.push(bound("glare far from its source, from a map of the sky", MAP_ERROR));
+            if let Some(budget) = plan.display.budget.filter(|_| plan.glare.in_sums.is_some()) {
+                let share = budget.share_of_one_veil();
+                plan.report.certificate.push(budget.bound("veil of one source that is not drawn individually", share));
+            }
         }
         let is_auto = inputs.settings.glare.method == GlareMethod::Auto;
         plan.report.glare = if is_auto { format!("auto: {}", method.name()) } else { method.name().to_owned() };
@@ -155,9 +160,9 @@ impl Technique for Glare {
                 let may_have_veil = may_have_veil_in_sums(settings, inputs.objects, all_viewports);
                 let budget = plan.display.step_cd_m2.zip(plan.display.budget).filter(|_| may_have_veil);
                 let fraction = plan.glare.fraction;
-                plan.glare.in_sums = budget.map(|(step, budget)| {
-                    let share = budget.share_of_one_veil() / fraction;
-                    VeilInSums { least_cd_m2: share * step, least_of_glow: share * budget.relative() }
+                plan.glare.in_sums = budget.map(|(step, budget)| VeilInSums {
+                    least_cd_m2: budget.share_of_one_veil() * step / fraction,
+                    least_of_glow: budget.share_of_glow() / fraction,
                 });
             }
             Step::Light => Self::report(inputs, plan),

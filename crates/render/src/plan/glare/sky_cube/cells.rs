@@ -61,9 +61,15 @@ pub fn direction_of_cell(index: usize, cells: u32) -> DVec3 {
     direction_in_cell(index, cells, [0.5, 0.5])
 }
 
-/// Unit vectors to the corners of a cell and to points between them, `intervals` along an edge.
-pub(super) fn directions_in_cell(index: usize, cells: u32, intervals: u32) -> impl Iterator<Item = DVec3> {
-    let part = move |point: u32| f64::from(point) / f64::from(intervals);
+/// Unit vectors to points in a cell and around it, in a square that extends beyond each edge of the cell by the share `beyond` of the cell. It has
+/// `intervals` intervals along an edge.
+pub(super) fn directions_around_cell(
+    index: usize,
+    cells: u32,
+    beyond: f64,
+    intervals: u32,
+) -> impl Iterator<Item = DVec3> {
+    let part = move |point: u32| (1.0 + 2.0 * beyond) * f64::from(point) / f64::from(intervals) - beyond;
     let points = (0..=intervals).flat_map(move |row| (0..=intervals).map(move |column| [part(column), part(row)]));
     points.map(move |place| direction_in_cell(index, cells, place))
 }

@@ -86,7 +86,7 @@ pub struct SkyCubeSettings {
     pub tolerance: f64,
     /// Absolute error of the same veil, in cd/m^2 as if all light were scattered. It is invisible in a display image, and 0 for exact images.
     pub least_cd_m2: f64,
-    /// The same as a fraction of the glow of the night sky.
+    /// Further threshold, as a fraction of the glow of the night sky; the larger one applies.
     pub least_of_glow: f64,
     /// Pixel angles of the views, rad, rounded by [`pixel_class_rad`]; ascending and distinct.
     pub pixel_classes_rad: Vec<f64>,
@@ -117,7 +117,7 @@ impl SkyCubeSettings {
             && self.keeps_far(set) == other.keeps_far(set)
     }
 
-    /// Whether the map is for exact frames.
+    /// Whether the map is for frames without a budget for the veil, such as exact frames.
     fn is_exact(&self) -> bool {
         self.least_cd_m2 == 0.0
     }
@@ -214,7 +214,8 @@ impl StarLight {
     fn new(set: &StarSet, kernel: &dyn GlareKernel, settings: &SkyCubeSettings, far: Option<&mut FarLight>) -> Self {
         let visible = visible_everywhere(set, settings.place_pc, settings.motion, settings.faintest_lx);
         let far = far.filter(|_| settings.keeps_far(set));
-        // Exact frames need the brightnesses. In air, the map is kept for a minute, so a display frame counts them for an exact frame that may follow.
+        // Exact frames need the brightnesses. In air, the map is kept for a minute of the scene's time, so a display frame counts them for an exact frame
+        // that may follow.
         let counts_brightnesses = settings.is_exact() || settings.local_sky.is_some();
         let sky = settings.sky(set);
         let cells::Gathered { cells, near, brightnesses } =

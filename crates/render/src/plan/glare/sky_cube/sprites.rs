@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Cell, Source, cell_of, cells::directions_in_cell, direction_of_cell};
+use super::{Cell, Source, cell_of, cells::directions_around_cell, direction_of_cell};
 use crate::{
     photometry::{
         glare::{
@@ -63,7 +63,7 @@ pub struct Sprites {
     pub regions: Vec<SpriteCell>,
 }
 
-/// Share of the glow of the night sky that counts as veil. In small pictures, the greatest error is 0.9 times the tolerance without the glow, 1.2 times
+/// Share of the glow of the night sky that counts as veil. In small pictures, the greatest error is 0.9 times the tolerance without the glow, 1.25 times
 /// with this share and 1.9 times with twice this share; in large ones it was 5 times with a share of 1.
 const SHARE_OF_SKY: f64 = 0.05;
 
@@ -94,7 +94,8 @@ impl Veil {
             let veil = if hidden.counts_glow { of_stars + SHARE_OF_SKY * glow } else { of_stars };
             (veil, hidden.behind_cd_m2(veil, glow))
         };
-        let (cd_m2, hidden_cd_m2) = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(luminance_and_hidden).unzip();
+        let cells = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).into_par_iter();
+        let (cd_m2, hidden_cd_m2) = cells.map(luminance_and_hidden).unzip();
         Self { cd_m2, hidden_cd_m2 }
     }
 
@@ -121,10 +122,12 @@ impl Veil {
     }
 }
 
-/// Least luminance of the glow at 5 x 5 points of a cell of a [`Veil`], cd/m^2. The sky of stars has no other light, so ground counts as 0.
+/// Least luminance of the glow at points in a cell of a [`Veil`] and around it, cd/m^2. `sky` has no sources, and its ground is dark.
 fn least_glow_cd_m2(sky: &LocalSky, index: usize) -> f64 {
-    const ALONG_EDGE: u32 = 4;
-    directions_in_cell(index, VEIL_CELLS, ALONG_EDGE)
+    // The glare of a source in the cell may cover ground around the cell. Half a cell is the reach of the widest sprites.
+    const BEYOND: f64 = 0.5;
+    const ALONG_EDGE: u32 = 8;
+    directions_around_cell(index, VEIL_CELLS, BEYOND, ALONG_EDGE)
         .map(|direction| luminance(sky.luminance_cd_m2(direction)))
         .fold(f64::INFINITY, f64::min)
 }

@@ -294,8 +294,8 @@ impl MapPasses {
         dispatch(gpu, pass, &self.sharpen, &buffers, (edge_cells + RIM).div_ceil(MAP_SIDE));
     }
 
-    /// Computes the map. If one of the maps in `held` has the same cells, the stars are not binned again, and the light of the cells is not gathered again.
-    /// This takes most of the time, and a change of the exposure changes only bumps and sprites.
+    /// Computes the map. If one of the maps in `held` has the same cells, their light is not gathered again, and the stars are not binned again (except for
+    /// an exact map after one of display images in space). This takes most of the time, and a change of the exposure changes only bumps and sprites.
     pub(super) fn make<'a>(
         &self,
         gpu: &Gpu,

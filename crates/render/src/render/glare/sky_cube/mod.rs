@@ -44,8 +44,9 @@ struct SkyScene<'a> {
     faintest_lx: f64,
     /// Relative tolerance: the largest veil that a source may add without being drawn individually.
     tolerance: f64,
-    /// The same tolerance as an absolute veil, cd/m^2, for the case that all light is scattered, and as a fraction of the glow of the night sky.
+    /// The same tolerance as an absolute veil, cd/m^2, for the case that all light is scattered.
     least_cd_m2: f64,
+    /// See [`VeilInSums::least_of_glow`].
     least_of_glow: f64,
 }
 
