@@ -109,6 +109,14 @@ impl ErrorBudget {
         }
     }
 
+    /// The greatest threshold of the veil of one source, as a fraction of the budget.
+    pub fn most_of_one_veil(self) -> f64 {
+        match self {
+            Self::Codes(_) => SHARE_OF_ONE_VEIL,
+            Self::Hdr { .. } => SHARE_OF_ONE_VEIL_OF_GLOW,
+        }
+    }
+
     /// Threshold above which the veil of a source is drawn individually in air, as a fraction of the glow of the night sky; 0 for display images, whose
     /// budget is in codes.
     pub fn share_of_glow(self) -> f64 {

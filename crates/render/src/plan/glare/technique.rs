@@ -130,7 +130,7 @@ impl Glare {
             plan.report.certificate.push(bound("glare of a source too faint to be drawn individually", tolerance));
             plan.report.certificate.push(bound("glare far from its source, from a map of the sky", MAP_ERROR));
             if let Some(budget) = plan.display.budget.filter(|_| plan.glare.in_sums.is_some()) {
-                let share = budget.share_of_one_veil();
+                let share = budget.most_of_one_veil();
                 plan.report.certificate.push(budget.bound("veil of one source that is not drawn individually", share));
             }
         }
