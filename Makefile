@@ -23,6 +23,7 @@ test-outside: setup ## Runs a crate that uses the library without its features
 
 test-all: test test-long test-outside ## Runs all tests, including the long sweeps and the outside crate, and checks the optional features
 	$(CARGO) check --release --features opentelemetry --bin steradian
+	$(CARGO) check --release --no-default-features --features service --lib
 
 setup: ## Checks toolchain, linker and Vulkan driver; installs missing packages if it can
 	scripts/setup.sh

@@ -54,8 +54,10 @@ pub use overlay::{LabelConfig, OverlayConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, LightConfig, LightUnit, SceneConfig};
 use serde::Deserialize;
+#[cfg(feature = "cli")]
+pub(crate) use server::check_holder;
+pub(crate) use server::hidden_character;
 pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
-pub(crate) use server::{check_holder, hidden_character};
 pub use surroundings::{AirConfig, GroundConfig, MOST_POINTS as MOST_HORIZON_POINTS};
 use toml::{Table, Value};
 pub use view_settings::{ViewSettingsError, resolve_views};

@@ -9,6 +9,7 @@ mod packing;
 pub mod provenance;
 mod reduce;
 mod video;
+mod window_images;
 
 #[cfg(feature = "cli")]
 pub(crate) use encode::png_of;

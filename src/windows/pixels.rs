@@ -11,7 +11,7 @@ use crate::{
         exposure::white_luminance_cd_m2,
         tone_map::{ToneMapSettings, linear_from_srgb},
     },
-    render::{FrameImage, Wanted},
+    render::FrameImage,
     view::projector::ProjectorOutput,
 };
 
@@ -24,17 +24,6 @@ pub(super) fn texture_format(format: WindowFormat) -> wgpu::TextureFormat {
         WindowFormat::Srgb8 => wgpu::TextureFormat::Rgba8Unorm,
         WindowFormat::Rgb10 => wgpu::TextureFormat::Rgb10a2Unorm,
         WindowFormat::Hdr => wgpu::TextureFormat::Rgba16Float,
-    }
-}
-
-impl WindowFormat {
-    /// Returns the image of a frame that a window shows; a test pattern exists only in display images.
-    pub fn wanted(self, test_pattern: bool) -> Wanted {
-        match self {
-            Self::Srgb8 => Wanted::display(),
-            Self::Rgb10 | Self::Hdr if test_pattern => Wanted::display(),
-            Self::Rgb10 | Self::Hdr => Wanted::hdr(),
-        }
     }
 }
 
