@@ -2,9 +2,9 @@
 
 use std::io::{self, IsTerminal};
 
+use tracing_log::AsLog;
 use tracing_subscriber::{
     EnvFilter, Layer, Registry,
-    filter::LevelFilter,
     layer::{Layered, SubscriberExt},
     util::SubscriberInitExt,
 };
@@ -37,20 +37,9 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
     // Only the filtered layer reads lines of the `log` crate; the other layers read targets that use `tracing`. Without this limit, Naga formats a line for
     // every expression of a shader.
     if let Some(most) = most {
-        log::set_max_level(as_log(most));
+        tracing_log::log::set_max_level(most.as_log());
     }
     Ok(exporting)
-}
-
-fn as_log(level: LevelFilter) -> log::LevelFilter {
-    match level {
-        LevelFilter::OFF => log::LevelFilter::Off,
-        LevelFilter::ERROR => log::LevelFilter::Error,
-        LevelFilter::WARN => log::LevelFilter::Warn,
-        LevelFilter::INFO => log::LevelFilter::Info,
-        LevelFilter::DEBUG => log::LevelFilter::Debug,
-        _ => log::LevelFilter::Trace,
-    }
 }
 
 type BoxedLayer = Box<dyn Layer<Registry> + Send + Sync>;

@@ -194,8 +194,8 @@ fn luminances_in_air(renderer: &mut Renderer, time: &str, tolerance: f64) -> Vec
     pixels.map(|[r, g, b, _]| luminance([r, g, b].map(f64::from))).collect()
 }
 
-/// The glow of the sky hides the glare of faint stars. The nights are without and with the Moon. The limits are 1.3 times the measured values. Errors are relative to the light that the eye scatters in
-/// the pixel: the sky is smooth, so this is about the scattered fraction of all light there.
+/// The glow of the sky hides the glare of faint stars. The nights are without and with the Moon. The limits are 1.3 times the measured values. Errors
+/// are relative to the light that the eye scatters in the pixel: the sky is smooth, so this is about the scattered fraction of all light there.
 #[test]
 fn the_glow_of_the_sky_hides_little_glare() {
     let tolerance = AccuracySettings::default().glare;

@@ -33,7 +33,7 @@ pub fn steps_per_e_fold() -> f64 {
 }
 
 /// Temperature of a step, K. The step may be fractional; the first step is -[`SHIFTED_STEPS`].
-pub fn temperature_of_shifted_step_k(step: f64) -> f64 {
+fn temperature_of_shifted_step_k(step: f64) -> f64 {
     MIN_TEMPERATURE_K * (step / steps_per_e_fold()).exp()
 }
 

@@ -23,6 +23,7 @@ pub use self::{
     levels::{Level, TABLE_ENTRIES},
     sprites::{Sprite, SpriteCell, Sprites},
 };
+use crate::plan::glare::VeilInSums;
 use crate::plan::stars::{
     cull::{CullSettings, SPLAT_MARGIN_PX, VisibleChunk, light_at, visible_chunks},
     travel,
@@ -84,10 +85,8 @@ pub struct SkyCubeSettings {
     pub farthest_eye_pc: f64,
     /// Relative error of the veil that all sources that are not drawn individually may cause together: a standard deviation.
     pub tolerance: f64,
-    /// Absolute error of the same veil, in cd/m^2 as if all light were scattered. It is invisible in a display image, and 0 for exact images.
-    pub least_cd_m2: f64,
-    /// Further threshold, as a fraction of the glow of the night sky; the larger one applies.
-    pub least_of_glow: f64,
+    /// Budget of the same veil; `None` for frames without one, such as exact frames.
+    pub in_sums: Option<VeilInSums>,
     /// Pixel angles of the views, rad, rounded by [`pixel_class_rad`]; ascending and distinct.
     pub pixel_classes_rad: Vec<f64>,
 }
@@ -104,9 +103,8 @@ impl SkyCubeSettings {
             faintest_lx,
             farthest_eye_pc,
             tolerance: _,
-            // Only whether it is 0 matters: see `keeps_far`.
-            least_cd_m2: _,
-            least_of_glow: _,
+            // Only whether there is one matters: see `keeps_far`.
+            in_sums: _,
             pixel_classes_rad: _,
         } = self;
         *place_pc == other.place_pc
@@ -118,8 +116,8 @@ impl SkyCubeSettings {
     }
 
     /// Whether the map is for frames without a budget for the veil, such as exact frames.
-    fn is_exact(&self) -> bool {
-        self.least_cd_m2 == 0.0
+    pub fn is_exact(&self) -> bool {
+        self.in_sums.is_none()
     }
 
     /// The stars as these settings show them.
@@ -137,7 +135,7 @@ impl SkyCubeSettings {
     /// Whether the map takes the light of distant stars from [`FarLight`]. It does for display images of many stars, if the camera is at rest and
     /// without air.
     fn keeps_far(&self, set: &StarSet) -> bool {
-        self.least_cd_m2 > 0.0
+        !self.is_exact()
             && self.motion.is_none()
             && self.local_sky.is_none()
             && self.near_pc() < far::NEAREST_PC
@@ -269,13 +267,7 @@ impl SkyCubePlan {
         let StarLight { levels, brightnesses, .. } = &*light;
         // The veil that hides individual sources.
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
-        let hidden = sprites::Hidden {
-            tolerance: settings.tolerance,
-            least_cd_m2: settings.least_cd_m2,
-            least_of_glow: settings.least_of_glow,
-            // The threshold of other frames is their budget.
-            counts_glow: settings.is_exact(),
-        };
+        let hidden = sprites::Hidden { tolerance: settings.tolerance, budget: settings.in_sums };
         let local_sky = settings.local_sky.as_deref();
         let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, local_sky, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));

@@ -14,6 +14,7 @@ use crate::{
         },
         rec709::luminance,
     },
+    plan::glare::VeilInSums,
     scene::surroundings::LocalSky,
 };
 
@@ -86,13 +87,12 @@ impl Veil {
         let per_sr =
             |squared: f64| if squared < spread { within } else { kernel.per_sr(angle_of_chord_squared(squared)) };
         let lights: Vec<(DVec3, f64)> = cells.iter().map(|cell| (cell.direction, luminance(cell.light))).collect();
-        let glowing = local_sky.filter(|_| hidden.counts_glow || hidden.least_of_glow > 0.0);
+        let uses_glow = hidden.budget.is_none_or(|budget| budget.least_of_glow > 0.0);
+        let glowing = local_sky.filter(|_| uses_glow);
         let luminance_and_hidden = |index: usize| {
             let direction = direction_of_cell(index, VEIL_CELLS);
             let of_stars: f64 = lights.iter().map(|(from, lx)| lx * per_sr((direction - *from).length_squared())).sum();
-            let glow = glowing.map_or(0.0, |sky| least_glow_cd_m2(sky, index));
-            let veil = if hidden.counts_glow { of_stars + SHARE_OF_SKY * glow } else { of_stars };
-            (veil, hidden.behind_cd_m2(veil, glow))
+            hidden.behind_cd_m2(of_stars, glowing.map_or(0.0, |sky| least_glow_cd_m2(sky, index)))
         };
         let cells = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).into_par_iter();
         let (cd_m2, hidden_cd_m2) = cells.map(luminance_and_hidden).unzip();
@@ -175,17 +175,23 @@ fn with_illuminances(sources: &[f64; BRIGHTNESSES]) -> impl Iterator<Item = (f64
 pub(super) struct Hidden {
     /// Fraction of the veil around it.
     pub tolerance: f64,
-    /// Absolute luminance, cd/m^2.
-    pub least_cd_m2: f64,
-    /// Fraction of the glow of the night sky.
-    pub least_of_glow: f64,
-    /// Whether [`SHARE_OF_SKY`] counts as veil.
-    pub counts_glow: bool,
+    /// Thresholds of frames with a budget for the veil. In other frames, [`SHARE_OF_SKY`] counts as veil.
+    pub budget: Option<VeilInSums>,
 }
 
 impl Hidden {
-    fn behind_cd_m2(&self, veil_cd_m2: f64, glow_cd_m2: f64) -> f64 {
-        (self.tolerance * veil_cd_m2).max(self.least_cd_m2).max(self.least_of_glow * glow_cd_m2)
+    /// The veil of stars and of the glow that hides a source, and the threshold behind it, cd/m^2.
+    fn behind_cd_m2(&self, of_stars_cd_m2: f64, glow_cd_m2: f64) -> (f64, f64) {
+        match self.budget {
+            Some(VeilInSums { least_cd_m2, least_of_glow }) => {
+                let threshold = (self.tolerance * of_stars_cd_m2).max(least_cd_m2).max(least_of_glow * glow_cd_m2);
+                (of_stars_cd_m2, threshold)
+            }
+            None => {
+                let veil_cd_m2 = of_stars_cd_m2 + SHARE_OF_SKY * glow_cd_m2;
+                (veil_cd_m2, self.tolerance * veil_cd_m2)
+            }
+        }
     }
 }
 

@@ -34,10 +34,13 @@ fn settings() -> SkyCubeSettings {
         faintest_lx: 0.0,
         farthest_eye_pc: 0.0,
         tolerance: 0.01,
-        least_cd_m2: 0.0,
-        least_of_glow: 0.0,
+        in_sums: None,
         pixel_classes_rad: vec![pixel_class_rad(0.001), pixel_class_rad(0.02)],
     }
+}
+
+fn budget(least_cd_m2: f64, least_of_glow: f64) -> Option<VeilInSums> {
+    Some(VeilInSums { least_cd_m2, least_of_glow })
 }
 
 fn kernel() -> InverseSquareKernel {
@@ -188,7 +191,7 @@ fn plans_with_the_same_cells_share_the_light_of_the_stars() {
     // A display image first, then an exact one: in space the light of the first is not sufficient for the second, in air it is.
     for (local_sky, is_shared) in [(None, false), (Some(night(1e-4)), true)] {
         let exact = SkyCubeSettings { local_sky, ..settings() };
-        let of_display = SkyCubeSettings { least_cd_m2: 1e-3, ..exact.clone() };
+        let of_display = SkyCubeSettings { in_sums: budget(1e-3, 0.0), ..exact.clone() };
         assert!(exact.has_same_cells(&of_display, &set));
         let display = SkyCubePlan::new(&set, &kernel(), &of_display, None, None);
         let after = SkyCubePlan::new(&set, &kernel(), &exact, Some(&display), None);
@@ -210,8 +213,8 @@ fn night(glow_cd_m2: f64) -> Arc<LocalSky> {
 #[test]
 fn the_glow_of_the_sky_hides_faint_sources_above_the_ground() {
     let exact = settings();
-    let of_display = SkyCubeSettings { least_cd_m2: 1e-9, ..settings() };
-    let relative = SkyCubeSettings { least_of_glow: 1e-3, ..of_display.clone() };
+    let of_display = SkyCubeSettings { in_sums: budget(1e-9, 0.0), ..settings() };
+    let relative = SkyCubeSettings { in_sums: budget(1e-9, 1e-3), ..settings() };
     for (settings, is_hidden) in [(exact, true), (relative, true), (of_display, false)] {
         let [dark, bright] = [1e-9, 1.0].map(|glow_cd_m2| {
             let settings = SkyCubeSettings { local_sky: Some(night(glow_cd_m2)), ..settings.clone() };

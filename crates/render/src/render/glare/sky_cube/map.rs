@@ -326,7 +326,7 @@ impl MapPasses {
         }
         // Sprites.
         let mut drawn: Vec<&Sprite> = sky.sprites.sprites.iter().collect();
-        if key.settings.least_cd_m2 > 0.0 {
+        if !key.settings.is_exact() {
             // Sort the sources by reach class, so that adjacent invocations get a similar amount of work. The sort is stable, so sources of one class
             // that are adjacent on the sky stay adjacent. A view then sees all of them or none.
             drawn.sort_by_key(|sprite| Reverse(reach_class(sprite.squared)));

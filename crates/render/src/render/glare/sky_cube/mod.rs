@@ -44,10 +44,8 @@ struct SkyScene<'a> {
     faintest_lx: f64,
     /// Relative tolerance: the largest veil that a source may add without being drawn individually.
     tolerance: f64,
-    /// The same tolerance as an absolute veil, cd/m^2, for the case that all light is scattered.
-    least_cd_m2: f64,
-    /// See [`VeilInSums::least_of_glow`].
-    least_of_glow: f64,
+    /// Budget of the veil; `None` for frames without one.
+    in_sums: Option<VeilInSums>,
 }
 
 impl<'a> SkyScene<'a> {
@@ -59,8 +57,7 @@ impl<'a> SkyScene<'a> {
             local_sky: snapshot.objects.sky_of_stars(snapshot.camera.position_m).map(Arc::new),
             faintest_lx: parameters.faintest_lx,
             tolerance: parameters.tolerance,
-            least_cd_m2: in_sums.map_or(0.0, |veil| veil.least_cd_m2),
-            least_of_glow: in_sums.map_or(0.0, |veil| veil.least_of_glow),
+            in_sums,
         }
     }
 
@@ -75,8 +72,7 @@ impl<'a> SkyScene<'a> {
             faintest_lx: self.faintest_lx,
             farthest_eye_pc: eye_class_m(camera_m + views.farthest_eye_m) / PARSEC_M,
             tolerance: self.tolerance,
-            least_cd_m2: self.least_cd_m2,
-            least_of_glow: self.least_of_glow,
+            in_sums: self.in_sums,
             pixel_classes_rad: views.pixel_classes_rad.clone(),
         }
     }
@@ -292,5 +288,5 @@ impl SkyCube {
 
 /// Returns the index of the map for these settings: 0 for exact frames, 1 for frames whose veil is in the sums.
 fn kind_of(settings: &SkyCubeSettings) -> usize {
-    usize::from(settings.least_cd_m2 > 0.0)
+    usize::from(!settings.is_exact())
 }
